@@ -1,0 +1,521 @@
+//! The rig's tables of the configuration file, in the units that people write, and their validation
+//! into a [`HardwareDescription`].
+//!
+//! Every key is required unless it is an `Option`: no default is hidden in code.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+use crate::description::{
+    CoilDescription, ExtensibleStiffness, FrameDescription, HardwareDescription, MagnetDescription,
+    ManipulatorDescription, PartDescription, Rows3, SectionDescription, Workspace,
+};
+use crate::invalid::{Checks, Invalid};
+use crate::message::{COILS_MAX, MAGNETS_MAX, POSE_PARAMETERS_MAX};
+
+/// Highest multipole order that both sides evaluate.
+pub const ORDER_MAX: usize = 10;
+
+/// The tables of the file that describe the rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HardwareConfig {
+    /// `[rig]`
+    pub rig: RigConfig,
+    /// `[[frames]]`
+    #[serde(default)]
+    pub frames: Vec<FrameConfig>,
+    /// `[coil_types.NAME]`
+    #[serde(default)]
+    pub coil_types: BTreeMap<String, CoilTypeConfig>,
+    /// `[[coils]]`
+    #[serde(default)]
+    pub coils: Vec<CoilConfig>,
+    /// `[manipulator]`
+    pub manipulator: ManipulatorConfig,
+}
+
+/// `[rig]`: name, workspace and gravity.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RigConfig {
+    /// Lower-case letters, digits and hyphens; part of every channel's name.
+    pub name: String,
+    /// Centre of the spherical workspace, mm, world.
+    pub workspace_center_mm: [f64; 3],
+    /// Diameter of the workspace, mm, > 0.
+    pub workspace_diameter_mm: f64,
+    /// Acceleration of gravity, m/s^2, world.
+    pub gravity_m_per_s2: [f64; 3],
+}
+
+/// One of `[[frames]]`: turns coils about an axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameConfig {
+    /// Name, as coils refer to it; unique.
+    pub name: String,
+    /// Axis, world; normalised here.
+    pub axis: [f64; 3],
+    /// A point on the axis, mm, world.
+    pub pivot_mm: [f64; 3],
+    /// Least angle, deg, -360 to 360.
+    pub angle_min_deg: f64,
+    /// Greatest angle, deg, above the least.
+    pub angle_max_deg: f64,
+    /// Greatest speed, deg/s, > 0.
+    pub speed_max_deg_per_s: f64,
+}
+
+/// One of `[coil_types.NAME]`: field and circuit of coils built alike.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoilTypeConfig {
+    /// `a_k` of eq. (4) for 1 A, k = 1 first, T m^(k+2) / A; 1 to 10 of them.
+    pub coefficients_si: Vec<f64>,
+    /// Least local x at which the series is valid, mm, > 0.
+    pub valid_from_x_mm: f64,
+    /// Greatest magnitude of the current, A, > 0.
+    pub current_max_a: f64,
+    /// Greatest rate of the commanded current, A/s, > 0.
+    pub slew_max_a_per_s: f64,
+    /// Resistance, ohm, > 0.
+    pub resistance_ohm: f64,
+    /// Inductance, H, > 0.
+    pub inductance_h: f64,
+    /// Supply voltage of the amplifier, V, > 0.
+    pub supply_v: f64,
+}
+
+/// One of `[[coils]]`: where a coil is. Its axis points from
+/// `R (-distance, 0, 0)` to the workspace centre, `R = rotz(azimuth) roty(elevation)`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoilConfig {
+    /// Name, for people; unique.
+    pub name: String,
+    /// One of `coil_types`.
+    #[serde(rename = "type")]
+    pub coil_type: String,
+    /// Rotation about z, deg.
+    pub azimuth_deg: f64,
+    /// Rotation about y, applied first, deg.
+    pub elevation_deg: f64,
+    /// Expansion point to the workspace centre, mm, > 0.
+    pub distance_mm: f64,
+    /// One of `frames`; absent for a coil fixed to the world.
+    pub frame: Option<String>,
+}
+
+/// `[manipulator]`: the clamp and the chain of parts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManipulatorConfig {
+    /// Clamped end, mm, world.
+    pub base_position_mm: [f64; 3],
+    /// Tangent at the clamp, world; normalised here. The clamp's rotation is the shortest one that takes z there.
+    pub base_tangent: [f64; 3],
+    /// Rotation of the clamp about its tangent, deg.
+    pub base_roll_deg: f64,
+    /// `[manipulator.materials.NAME]`
+    #[serde(default)]
+    pub materials: BTreeMap<String, MaterialConfig>,
+    /// `[[manipulator.parts]]` from base to tip, each with either `section` or `magnet`.
+    pub parts: Vec<PartConfig>,
+}
+
+/// One of `[manipulator.materials.NAME]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialConfig {
+    /// Young's modulus, MPa, > 0.
+    pub young_modulus_mpa: f64,
+    /// Poisson's ratio, 0 to 0.5.
+    pub poisson_ratio: f64,
+    /// Density, kg/m^3, >= 0.
+    pub density_kg_per_m3: f64,
+}
+
+/// One of `[[manipulator.parts]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PartConfig {
+    /// A flexible section of a material.
+    Section(SectionConfig),
+    /// A flexible section given by its stiffness.
+    StiffnessSection(StiffnessSectionConfig),
+    /// A rigid magnet.
+    Magnet(MagnetConfig),
+}
+
+/// `section = {...}`: a round section of a material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SectionConfig {
+    /// One of `manipulator.materials`.
+    pub material: String,
+    /// Length, mm, > 0.
+    pub length_mm: f64,
+    /// Diameter, mm, > 0.
+    pub diameter_mm: f64,
+    /// True when the section may stretch and shear, false for a Kirchhoff rod.
+    pub extensible: bool,
+    /// Curvature about body x and y, and twist, of the unloaded section, 1/m; absent when straight.
+    pub precurvature_per_m: Option<[f64; 3]>,
+}
+
+/// `stiffness_section = {...}`: a section whose stiffness was measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StiffnessSectionConfig {
+    /// Length, mm, > 0.
+    pub length_mm: f64,
+    /// Diameter, mm, > 0.
+    pub diameter_mm: f64,
+    /// EI, N m^2, > 0.
+    pub bending_n_m2: f64,
+    /// GJ, N m^2, > 0.
+    pub torsion_n_m2: f64,
+    /// GA, N, > 0; given with `axial_n` or not at all (inextensible).
+    pub shear_n: Option<f64>,
+    /// EA, N, > 0.
+    pub axial_n: Option<f64>,
+    /// Mass per length, kg/m, >= 0.
+    pub mass_kg_per_m: f64,
+    /// As in `section`.
+    pub precurvature_per_m: Option<[f64; 3]>,
+}
+
+/// `magnet = {...}`: a rigid cylinder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MagnetConfig {
+    /// Name, as targets refer to it; unique.
+    pub name: String,
+    /// Length along the tangent, mm, > 0.
+    pub length_mm: f64,
+    /// Diameter, mm, > 0.
+    pub diameter_mm: f64,
+    /// Density, kg/m^3, >= 0.
+    pub density_kg_per_m3: f64,
+    /// Dipole moment in body axes, A m^2; body z is the tangent towards the tip.
+    pub moment_body_a_m2: [f64; 3],
+}
+
+impl HardwareConfig {
+    /// Validates every value and converts to SI.
+    ///
+    /// # Errors
+    /// Every value that is out of its range, contradicts another or exceeds a capacity.
+    pub fn build(&self) -> Result<HardwareDescription, Vec<Invalid>> {
+        let mut checks = Checks::new();
+        self.rig.check(&mut checks);
+        let frames = self.frames(&mut checks);
+        let coils = self.coils(&mut checks);
+        let manipulator = self.manipulator.build(&mut checks);
+        checks.into_result(HardwareDescription {
+            rig: self.rig.name.clone(),
+            workspace: Workspace {
+                center: self.rig.workspace_center_mm.map(millimetres),
+                radius: millimetres(self.rig.workspace_diameter_mm) / 2.0,
+            },
+            gravity: self.rig.gravity_m_per_s2,
+            frames,
+            coils,
+            manipulator,
+        })
+    }
+
+    fn frames(&self, checks: &mut Checks) -> Vec<FrameDescription> {
+        checks.require(
+            self.frames.len() <= POSE_PARAMETERS_MAX,
+            "frames",
+            format!("{} entries", self.frames.len()),
+            format!("at most {POSE_PARAMETERS_MAX} entries"),
+        );
+        unique("frames", self.frames.iter().map(|frame| frame.name.as_str()), checks);
+        let build = |(index, frame): (usize, &FrameConfig)| frame.build(&format!("frames[{index}]"), checks);
+        self.frames.iter().enumerate().map(build).collect()
+    }
+
+    fn coils(&self, checks: &mut Checks) -> Vec<CoilDescription> {
+        for (name, coil_type) in &self.coil_types {
+            coil_type.check(&format!("coil_types.{name}"), checks);
+        }
+        checks.require(
+            self.coils.len() <= COILS_MAX,
+            "coils",
+            format!("{} entries", self.coils.len()),
+            format!("at most {COILS_MAX} entries"),
+        );
+        unique("coils", self.coils.iter().map(|coil| coil.name.as_str()), checks);
+        let build = |(index, coil): (usize, &CoilConfig)| self.coil(&format!("coils[{index}]"), coil, checks);
+        self.coils.iter().enumerate().filter_map(build).collect()
+    }
+
+    fn coil(&self, key: &str, coil: &CoilConfig, checks: &mut Checks) -> Option<CoilDescription> {
+        checks.positive(format!("{key}.distance_mm"), coil.distance_mm);
+        checks.within(format!("{key}.azimuth_deg"), coil.azimuth_deg, -360.0, 360.0);
+        checks.within(format!("{key}.elevation_deg"), coil.elevation_deg, -90.0, 90.0);
+        let frame = coil.frame.as_ref().and_then(|name| {
+            let found = self.frames.iter().position(|frame| frame.name == *name);
+            let names: Vec<&str> = self.frames.iter().map(|frame| frame.name.as_str()).collect();
+            let expected = format!("the name of a frame ({})", names.join(", "));
+            checks.require(found.is_some(), format!("{key}.frame"), name, expected);
+            found
+        });
+        let coil_type = self.coil_types.get(&coil.coil_type);
+        let names: Vec<&str> = self.coil_types.keys().map(String::as_str).collect();
+        let expected = format!("the name of a coil type ({})", names.join(", "));
+        checks.require(coil_type.is_some(), format!("{key}.type"), &coil.coil_type, expected);
+        let coil_type = coil_type?;
+        let rotation = product(
+            rotation_about_z(coil.azimuth_deg.to_radians()),
+            rotation_about_y(coil.elevation_deg.to_radians()),
+        );
+        let center = self.rig.workspace_center_mm.map(millimetres);
+        let distance = millimetres(coil.distance_mm);
+        Some(CoilDescription {
+            name: coil.name.clone(),
+            coefficients: coil_type.coefficients_si.clone(),
+            valid_from_x: millimetres(coil_type.valid_from_x_mm),
+            rotation,
+            position: [0, 1, 2].map(|row| center[row] - rotation[row][0] * distance),
+            frame,
+            current_max: coil_type.current_max_a,
+            slew_max: coil_type.slew_max_a_per_s,
+            resistance: coil_type.resistance_ohm,
+            inductance: coil_type.inductance_h,
+            supply_voltage: coil_type.supply_v,
+        })
+    }
+}
+
+impl RigConfig {
+    fn check(&self, checks: &mut Checks) {
+        let allowed = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
+        let holds = !self.name.is_empty() && self.name.len() <= 40 && self.name.chars().all(allowed);
+        let expected = "1 to 40 lower-case letters, digits and hyphens";
+        checks.require(holds, "rig.name", format!("{:?}", self.name), expected);
+        checks.finite("rig.workspace_center_mm", &self.workspace_center_mm);
+        checks.positive("rig.workspace_diameter_mm", self.workspace_diameter_mm);
+        checks.finite("rig.gravity_m_per_s2", &self.gravity_m_per_s2);
+    }
+}
+
+impl FrameConfig {
+    fn build(&self, key: &str, checks: &mut Checks) -> FrameDescription {
+        checks.within(format!("{key}.angle_min_deg"), self.angle_min_deg, -360.0, 360.0);
+        checks.within(format!("{key}.angle_max_deg"), self.angle_max_deg, self.angle_min_deg, 360.0);
+        checks.positive(format!("{key}.speed_max_deg_per_s"), self.speed_max_deg_per_s);
+        checks.finite(format!("{key}.pivot_mm"), &self.pivot_mm);
+        FrameDescription {
+            name: self.name.clone(),
+            axis: unit(&format!("{key}.axis"), self.axis, checks),
+            pivot: self.pivot_mm.map(millimetres),
+            angle_min: self.angle_min_deg.to_radians(),
+            angle_max: self.angle_max_deg.to_radians(),
+            speed_max: self.speed_max_deg_per_s.to_radians(),
+        }
+    }
+}
+
+impl CoilTypeConfig {
+    fn check(&self, key: &str, checks: &mut Checks) {
+        let order = self.coefficients_si.len();
+        let holds = (1..=ORDER_MAX).contains(&order);
+        let expected = format!("1 to {ORDER_MAX} coefficients");
+        checks.require(holds, format!("{key}.coefficients_si"), format!("{order} coefficients"), expected);
+        checks.finite(format!("{key}.coefficients_si"), &self.coefficients_si);
+        checks.positive(format!("{key}.valid_from_x_mm"), self.valid_from_x_mm);
+        checks.positive(format!("{key}.current_max_a"), self.current_max_a);
+        checks.positive(format!("{key}.slew_max_a_per_s"), self.slew_max_a_per_s);
+        checks.positive(format!("{key}.resistance_ohm"), self.resistance_ohm);
+        checks.positive(format!("{key}.inductance_h"), self.inductance_h);
+        checks.positive(format!("{key}.supply_v"), self.supply_v);
+    }
+}
+
+impl ManipulatorConfig {
+    fn build(&self, checks: &mut Checks) -> ManipulatorDescription {
+        checks.finite("manipulator.base_position_mm", &self.base_position_mm);
+        checks.within("manipulator.base_roll_deg", self.base_roll_deg, -360.0, 360.0);
+        let tangent = unit("manipulator.base_tangent", self.base_tangent, checks);
+        for (name, material) in &self.materials {
+            let key = format!("manipulator.materials.{name}");
+            checks.positive(format!("{key}.young_modulus_mpa"), material.young_modulus_mpa);
+            checks.within(format!("{key}.poisson_ratio"), material.poisson_ratio, 0.0, 0.5);
+            not_negative(format!("{key}.density_kg_per_m3"), material.density_kg_per_m3, checks);
+        }
+        let build = |(index, part): (usize, &PartConfig)| {
+            let key = format!("manipulator.parts[{index}]");
+            match part {
+                PartConfig::Section(section) => self.section(&format!("{key}.section"), section, checks),
+                PartConfig::StiffnessSection(section) => {
+                    Some(section.build(&format!("{key}.stiffness_section"), checks))
+                }
+                PartConfig::Magnet(magnet) => Some(magnet.build(&format!("{key}.magnet"), checks)),
+            }
+        };
+        let parts: Vec<PartDescription> = self.parts.iter().enumerate().filter_map(build).collect();
+        self.check_parts(checks);
+        ManipulatorDescription {
+            base_position: self.base_position_mm.map(millimetres),
+            base_rotation: product(
+                shortest_rotation_from_z(tangent),
+                rotation_about_z(self.base_roll_deg.to_radians()),
+            ),
+            parts,
+        }
+    }
+
+    fn check_parts(&self, checks: &mut Checks) {
+        let names: Vec<&str> = self
+            .parts
+            .iter()
+            .filter_map(|part| match part {
+                PartConfig::Magnet(magnet) => Some(magnet.name.as_str()),
+                PartConfig::Section(_) | PartConfig::StiffnessSection(_) => None,
+            })
+            .collect();
+        let sections = self.parts.len() - names.len();
+        let key = "manipulator.parts";
+        checks.require(sections > 0, key, "no section", "at least one flexible section");
+        checks.require(
+            names.len() <= MAGNETS_MAX,
+            key,
+            format!("{} magnets", names.len()),
+            format!("at most {MAGNETS_MAX} magnets"),
+        );
+        unique(key, names.into_iter(), checks);
+    }
+
+    fn section(&self, key: &str, section: &SectionConfig, checks: &mut Checks) -> Option<PartDescription> {
+        checks.positive(format!("{key}.length_mm"), section.length_mm);
+        checks.positive(format!("{key}.diameter_mm"), section.diameter_mm);
+        let precurvature = section.precurvature_per_m.unwrap_or_default();
+        checks.finite(format!("{key}.precurvature_per_m"), &precurvature);
+        let material = self.materials.get(&section.material);
+        let names: Vec<&str> = self.materials.keys().map(String::as_str).collect();
+        let expected = format!("the name of a material ({})", names.join(", "));
+        checks.require(material.is_some(), format!("{key}.material"), &section.material, expected);
+        let material = material?;
+        let young = material.young_modulus_mpa * 1e6;
+        let shear = young / (2.0 * (1.0 + material.poisson_ratio));
+        let radius = millimetres(section.diameter_mm) / 2.0;
+        let area = PI * radius.powi(2);
+        let second_moment = PI * radius.powi(4) / 4.0;
+        Some(PartDescription::Section(SectionDescription {
+            length: millimetres(section.length_mm),
+            radius,
+            bending_stiffness: young * second_moment,
+            torsion_stiffness: shear * 2.0 * second_moment,
+            extensible: section
+                .extensible
+                .then_some(ExtensibleStiffness { shear: shear * area, axial: young * area }),
+            mass_per_length: material.density_kg_per_m3 * area,
+            precurvature,
+        }))
+    }
+}
+
+impl StiffnessSectionConfig {
+    fn build(&self, key: &str, checks: &mut Checks) -> PartDescription {
+        checks.positive(format!("{key}.length_mm"), self.length_mm);
+        checks.positive(format!("{key}.diameter_mm"), self.diameter_mm);
+        checks.positive(format!("{key}.bending_n_m2"), self.bending_n_m2);
+        checks.positive(format!("{key}.torsion_n_m2"), self.torsion_n_m2);
+        not_negative(format!("{key}.mass_kg_per_m"), self.mass_kg_per_m, checks);
+        let precurvature = self.precurvature_per_m.unwrap_or_default();
+        checks.finite(format!("{key}.precurvature_per_m"), &precurvature);
+        for (name, stiffness) in [("shear_n", self.shear_n), ("axial_n", self.axial_n)] {
+            if let Some(stiffness) = stiffness {
+                checks.positive(format!("{key}.{name}"), stiffness);
+            }
+        }
+        checks.require(
+            self.shear_n.is_some() == self.axial_n.is_some(),
+            key,
+            "one of shear_n and axial_n",
+            "given both shear_n and axial_n, or neither",
+        );
+        let extensible = self.shear_n.zip(self.axial_n);
+        PartDescription::Section(SectionDescription {
+            length: millimetres(self.length_mm),
+            radius: millimetres(self.diameter_mm) / 2.0,
+            bending_stiffness: self.bending_n_m2,
+            torsion_stiffness: self.torsion_n_m2,
+            extensible: extensible.map(|(shear, axial)| ExtensibleStiffness { shear, axial }),
+            mass_per_length: self.mass_kg_per_m,
+            precurvature,
+        })
+    }
+}
+
+impl MagnetConfig {
+    fn build(&self, key: &str, checks: &mut Checks) -> PartDescription {
+        checks.positive(format!("{key}.length_mm"), self.length_mm);
+        checks.positive(format!("{key}.diameter_mm"), self.diameter_mm);
+        not_negative(format!("{key}.density_kg_per_m3"), self.density_kg_per_m3, checks);
+        checks.finite(format!("{key}.moment_body_a_m2"), &self.moment_body_a_m2);
+        let length = millimetres(self.length_mm);
+        let radius = millimetres(self.diameter_mm) / 2.0;
+        PartDescription::Magnet(MagnetDescription {
+            name: self.name.clone(),
+            length,
+            radius,
+            mass: self.density_kg_per_m3 * PI * radius.powi(2) * length,
+            moment_body: self.moment_body_a_m2,
+        })
+    }
+}
+
+fn millimetres(value: f64) -> f64 {
+    value * 1e-3
+}
+
+fn not_negative(key: String, value: f64, checks: &mut Checks) {
+    checks.require(value.is_finite() && value >= 0.0, key, value, "finite and >= 0");
+}
+
+/// Refuses a name that stands twice.
+fn unique<'a>(key: &str, names: impl Iterator<Item = &'a str>, checks: &mut Checks) {
+    let mut seen = std::collections::BTreeSet::new();
+    for name in names {
+        checks.require(seen.insert(name), key, format!("name {name:?} twice"), "given unique names");
+    }
+}
+
+fn unit(key: &str, vector: [f64; 3], checks: &mut Checks) -> [f64; 3] {
+    let norm = vector.iter().map(|component| component * component).sum::<f64>().sqrt();
+    let holds = norm.is_finite() && norm > 1e-9;
+    checks.require(holds, key, format!("{vector:?}"), "a finite vector other than zero");
+    vector.map(|component| component / norm)
+}
+
+fn rotation_about_y(angle: f64) -> Rows3 {
+    let (sine, cosine) = angle.sin_cos();
+    [[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]
+}
+
+fn rotation_about_z(angle: f64) -> Rows3 {
+    let (sine, cosine) = angle.sin_cos();
+    [[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]
+}
+
+/// Rodrigues' formula for the rotation about `z x t` that takes z to `t`; half a turn about x for `t = -z`.
+fn shortest_rotation_from_z(t: [f64; 3]) -> Rows3 {
+    let [x, y, z] = t;
+    if z <= -1.0 + 1e-12 {
+        return [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]];
+    }
+    let scale = 1.0 / (1.0 + z);
+    [[1.0 - x * x * scale, -x * y * scale, x], [-x * y * scale, 1.0 - y * y * scale, y], [-x, -y, z]]
+}
+
+fn product(left: Rows3, right: Rows3) -> Rows3 {
+    let entry = |row: usize, column: usize| (0..3).map(|k| left[row][k] * right[k][column]).sum();
+    [0, 1, 2].map(|row| [0, 1, 2].map(|column| entry(row, column)))
+}

@@ -1,0 +1,27 @@
+//! The contract between the magsteer daemon and whatever drives the coils.
+//!
+//! A driver author reads and links this crate alone: the messages that cross shared memory, the
+//! [`Hardware`] trait that the control loop talks to, the description of the rig that both sides
+//! hold, the command gate, and the rules by which a driver guards itself.
+//!
+//! Conventions: SI units, radians and the world frame inside; where a value crosses a border
+//! (message field, TOML key) its unit is the last word of its name. Quaternions are x, y, z, w.
+//! What is absent: nothing here knows a field model, a rod or a control law.
+
+pub mod config;
+pub mod description;
+pub mod gate;
+pub mod hardware;
+pub mod invalid;
+pub mod message;
+pub mod operator;
+pub mod time;
+
+pub use description::HardwareDescription;
+pub use gate::{AdmittedCommand, Authority};
+pub use hardware::{Absent, Hardware, Reading, Sensed, WriteError};
+pub use message::{
+    Actuation, COILS_MAX, CoilCommand, CoilFeedback, Header, MAGNETS_MAX, MagnetPose, POSE_PARAMETERS_MAX,
+    PoseMessage,
+};
+pub use time::Stamp;

@@ -1,0 +1,135 @@
+//! What an operator and the daemon say to each other: requests, answers and the status view.
+//!
+//! Nothing here reaches a driver; the daemon alone commands coils.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::message::{Actuation, Header, MAGNETS_MAX};
+
+/// What an operator asks for; the codes of [`OperatorRequest::verb`].
+pub mod verb {
+    /// Take authority over the driver at zero current.
+    pub const ARM: u32 = 1;
+    /// Start steering towards the targets.
+    pub const GO: u32 = 2;
+    /// Hold the present targets.
+    pub const HOLD: u32 = 3;
+    /// Ramp to zero and return to idle.
+    pub const STOP: u32 = 4;
+    /// Clear a latched fault whose cause is gone.
+    pub const RESET: u32 = 5;
+    /// Cut the amplifiers.
+    pub const ESTOP: u32 = 6;
+    /// Steer towards [`super::OperatorRequest::direction`].
+    pub const SET_TARGET: u32 = 7;
+}
+
+/// States of the daemon; the codes of [`StatusMessage::state`].
+pub mod state {
+    /// Checks before the loop runs.
+    pub const BOOT: u32 = 0;
+    /// Outputs zero, no authority.
+    pub const IDLE: u32 = 1;
+    /// Authority held, zero current.
+    pub const ARMED: u32 = 2;
+    /// Steering.
+    pub const ACTIVE: u32 = 3;
+    /// Target held while sensing is lost briefly.
+    pub const HOLDING: u32 = 4;
+    /// Ramping to zero.
+    pub const SAFE_STOP: u32 = 5;
+    /// Latched until reset.
+    pub const FAULT: u32 = 6;
+
+    /// The word a person reads for a state.
+    #[must_use]
+    pub const fn name(state: u32) -> &'static str {
+        match state {
+            BOOT => "boot",
+            IDLE => "idle",
+            ARMED => "armed",
+            ACTIVE => "active",
+            HOLDING => "holding",
+            SAFE_STOP => "safe-stop",
+            FAULT => "fault",
+            _ => "unknown",
+        }
+    }
+}
+
+/// One request of an operator.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("magsteer_operator_request_v1")]
+pub struct OperatorRequest {
+    /// One of [`verb`].
+    pub verb: u32,
+    /// Entries of `direction` in use, for [`verb::SET_TARGET`].
+    pub magnet_count: u32,
+    /// Desired unit tangent of each magnet, world.
+    pub direction: [[f64; 3]; MAGNETS_MAX],
+}
+
+/// The daemon's answer: done, or why not.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
+#[type_name("magsteer_operator_answer_v1")]
+pub struct OperatorAnswer {
+    /// 1 when the request was carried out, 0 when refused.
+    pub accepted: u32,
+    /// Why it was refused: one of the daemon's cause codes, 0 when accepted.
+    pub cause: u32,
+    /// State after the request.
+    pub state: u32,
+    /// Reserved, zero.
+    pub reserved: u32,
+    /// Epoch that the daemon holds, 0 without authority.
+    pub epoch: u64,
+}
+
+/// A view of the daemon for anyone who looks; never a command.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("magsteer_status_v1")]
+pub struct StatusMessage {
+    /// Common header; `source_stamp_ns` is the cycle's tick.
+    pub header: Header,
+    /// One of [`state`].
+    pub state: u32,
+    /// Cause code of the last stop or fault, 0 without one.
+    pub cause: u32,
+    /// Number of the cycle.
+    pub cycle: u64,
+    /// Ticks that the loop skipped because it was late.
+    pub missed: u64,
+    /// Configured rate of the loop.
+    pub rate_hz: f64,
+    /// Cycles a second, measured over the last second.
+    pub rate_measured_hz: f64,
+    /// How late the last cycle began.
+    pub lateness_us: f64,
+    /// How late the latest cycle since the previous status began.
+    pub lateness_max_us: f64,
+    /// Age of the newest poses; negative when there are none.
+    pub pose_age_us: f64,
+    /// Entries of the direction arrays in use.
+    pub magnet_count: u32,
+    /// Entries of the current arrays in use.
+    pub coil_count: u32,
+    /// Entries of the angle arrays in use.
+    pub pose_parameter_count: u32,
+    /// 1 when the model's equilibrium was found in the last cycle.
+    pub model_converged: u32,
+    /// Target tangents as set by the operator, world.
+    pub target_direction: [[f64; 3]; MAGNETS_MAX],
+    /// Reference that the loop follows this cycle, world.
+    pub desired_direction: [[f64; 3]; MAGNETS_MAX],
+    /// Tangents measured last, world.
+    pub measured_direction: [[f64; 3]; MAGNETS_MAX],
+    /// Tangents that the model predicts for the present actuation, world.
+    pub predicted_direction: [[f64; 3]; MAGNETS_MAX],
+    /// Measured currents and angles.
+    pub measured: Actuation,
+    /// Currents and angles sent last.
+    pub admitted: Actuation,
+}
