@@ -11,7 +11,8 @@
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
 //! | `statistics` | lossless histograms of timing |
-//! | `telemetry` | the other thread: requests, status, log lines |
+//! | `runner` | the loop's thread |
+//! | `telemetry`, `view` | the other thread: requests, status, log lines |
 //! | `run` | puts the threads together and takes them down |
 
 mod clock;
@@ -20,16 +21,22 @@ mod control_loop;
 #[cfg(test)]
 mod control_loop_tests;
 pub mod kernel;
+mod run;
+mod runner;
 mod state;
 mod statistics;
 mod supervisor;
 #[cfg(test)]
 mod supervisor_tests;
+mod telemetry;
+mod view;
 mod watch;
 
 pub use clock::{Clock, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
 pub use control_loop::{ControlLoop, CycleRecord, LoopOptions};
+pub use run::{RunError, RunPlan, RunReport, run};
+pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
 pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};
 pub use supervisor::{Decision, Supervisor};
