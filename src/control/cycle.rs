@@ -16,6 +16,8 @@ pub struct CycleInput {
     pub pose: Option<PoseMessage>,
     /// True when `pose` is new since the previous cycle.
     pub pose_is_fresh: bool,
+    /// Time since `pose` was true, s; 0 without one.
+    pub pose_age: f64,
     /// Measured currents and angles; the last admitted ones when nothing was measured.
     pub measured: Actuation,
     /// Currents and angles admitted last.

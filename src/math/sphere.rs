@@ -39,6 +39,20 @@ pub fn orthonormal_complement(normal: &Vector3<f64>) -> [Vector3<f64>; 2] {
     ]
 }
 
+/// The first two vectors of a right-handed orthonormal basis `pole_basis`, carried along the shortest way from its
+/// third vector to the unit vector `to`: a basis of the tangent plane at `to`, smooth everywhere but at the antipode of the
+/// pole, where the basis itself is returned with its second vector turned round.
+#[must_use]
+pub fn transported_basis(pole_basis: &[Vector3<f64>; 3], to: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let [first, second, pole] = pole_basis;
+    let closeness = 1.0 + pole.dot(to);
+    if closeness < 1e-12 {
+        return [*first, -second];
+    }
+    let bisector = pole + to;
+    [*first, *second].map(|axis| axis - bisector * (axis.dot(to) / closeness))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,6 +77,17 @@ mod tests {
             assert!((first.norm() - 1.0).abs() < 1e-14);
             assert!((second.norm() - 1.0).abs() < 1e-14);
             assert!((first.cross(&second) - normal).norm() < 1e-14);
+        }
+    }
+
+    /// Goal: the transported basis is orthonormal with the vector it was carried to.
+    #[test]
+    fn transported_basis_is_orthonormal_and_right_handed() {
+        let pole_basis = [Vector3::y(), Vector3::z(), Vector3::x()];
+        for to in directions() {
+            let [first, second] = transported_basis(&pole_basis, &to);
+            assert!((first.cross(&second) - to).norm() < 1e-12);
+            assert!((first.norm() - 1.0).abs() < 1e-12);
         }
     }
 
