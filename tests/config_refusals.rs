@@ -57,6 +57,27 @@ section = { material = "rubber", length_mm = 25.0, diameter_mm = 2.0, extensible
 magnet = { name = "m1", length_mm = 4.0, diameter_mm = 2.0, density_kg_per_m3 = 7500.0, moment_body_a_m2 = [0.0, 0.0, 0.01] }
 "#;
 
+/// A right `[daemon]`, kept apart since some tests append parts to [`RIGHT`].
+const DAEMON: &str = r#"
+[daemon]
+rate_hz = 1000.0
+command_validity_ms = 100.0
+pose_hold_ms = 50.0
+pose_stop_ms = 250.0
+feedback_stop_ms = 200.0
+model_stop_ms = 250.0
+ramp_timeout_ms = 1000.0
+ramp_done_a = 0.1
+overcurrent_margin_a = 0.5
+arm_timeout_ms = 150.0
+overrun_fraction = 0.5
+overrun_window_ms = 400.0
+realtime = "best-effort"
+priority = 80
+lock_memory = true
+status_rate_hz = 100.0
+"#;
+
 /// One change to [`RIGHT`], and what the refusal must say.
 struct Case {
     claim: &'static str,
@@ -188,6 +209,43 @@ const CASES: &[Case] = &[
         kind: Value, key: "coil_types.air.supply_v", value: "99999999999999999999", expected: "64 bits" },
 ];
 
+#[rustfmt::skip]
+const DAEMON_CASES: &[Case] = &[
+    Case { claim: "a rate above the range is refused with the range",
+        change: ("rate_hz = 1000.0\ncommand", "rate_hz = 50000.0\ncommand"), line: "rate_hz = 50000.0",
+        kind: Value, key: "daemon.rate_hz", value: "50000", expected: "from 50 to 10000" },
+    Case { claim: "a rate below the range is refused with the range",
+        change: ("rate_hz = 1000.0\ncommand", "rate_hz = 2.0\ncommand"), line: "rate_hz = 2.0",
+        kind: Value, key: "daemon.rate_hz", value: "2", expected: "from 50 to 10000" },
+    Case { claim: "a time-out shorter than the one before it is refused",
+        change: ("pose_stop_ms = 250.0", "pose_stop_ms = 40.0"), line: "pose_stop_ms",
+        kind: Value, key: "daemon.pose_stop_ms", value: "40", expected: "above pose_hold_ms = 50" },
+    Case { claim: "an unknown word is refused and the known ones named",
+        change: ("\"best-effort\"", "\"best-efort\""), line: "realtime",
+        kind: Value, key: "daemon.realtime", value: "\"best-efort\"", expected: "best-effort, enforce; did you mean `best-effort`?" },
+    Case { claim: "a priority that the kernel does not have is refused",
+        change: ("priority = 80", "priority = 100"), line: "priority",
+        kind: Value, key: "daemon.priority", value: "100", expected: "from 1 to 99" },
+    Case { claim: "a fraction of a whole number is refused",
+        change: ("priority = 80", "priority = 80.5"), line: "priority",
+        kind: Value, key: "daemon.priority", value: "80.5", expected: "a whole number" },
+    Case { claim: "a negative whole number is refused",
+        change: ("priority = 80", "priority = 80\ncpu = -1"), line: "cpu = -1",
+        kind: Value, key: "daemon.cpu", value: "-1", expected: "a whole number from 0" },
+    Case { claim: "a missing time-out has no hidden default",
+        change: ("model_stop_ms = 250.0\n", ""), line: "[daemon]",
+        kind: Missing, key: "daemon.model_stop_ms", value: "", expected: "given in `daemon`" },
+];
+
+/// Each case with the right text that it changes.
+fn cases() -> impl Iterator<Item = (&'static Case, String)> {
+    let daemon = || format!("{RIGHT}{DAEMON}");
+    CASES
+        .iter()
+        .map(|case| (case, RIGHT.to_owned()))
+        .chain(DAEMON_CASES.iter().map(move |case| (case, daemon())))
+}
+
 /// Number of the line, 1 first, that holds `text`; 1 for no text.
 fn line_of(file: &str, text: &str) -> usize {
     match file.find(text) {
@@ -204,17 +262,18 @@ fn refused(text: &str) -> Vec<Problem> {
 
 #[test]
 fn the_configuration_that_the_cases_change_is_right() {
-    assert_eq!(refused(RIGHT), vec![]);
+    for (case, right) in cases() {
+        assert_eq!(refused(&right), vec![]);
+        assert_eq!(right.matches(case.change.0).count(), 1, "{}: what it changes stands once", case.claim);
+    }
 }
 
 #[test]
 fn each_mistyped_configuration_is_refused_with_file_line_value_and_range() {
     assert!(CASES.len() >= 25);
-    for case in CASES {
+    for (case, right) in cases() {
         let claim = case.claim;
-        let (from, to) = case.change;
-        assert_eq!(RIGHT.matches(from).count(), 1, "{claim}: {from:?} must stand once");
-        let text = RIGHT.replace(from, to);
+        let text = right.replace(case.change.0, case.change.1);
         let problems = refused(&text);
         let found = problems.iter().find(|problem| problem.problem == case.kind && problem.key == case.key);
         let problem = found.unwrap_or_else(|| panic!("{claim}: not among {problems:#?}"));
@@ -233,8 +292,8 @@ fn each_mistyped_configuration_is_refused_with_file_line_value_and_range() {
 fn one_mistake_gives_one_problem() {
     // Elsewhere one change breaks two things: a renamed key is unknown and missing, for one.
     let twofold = ["rig", "manipulator.parts"];
-    for case in CASES.iter().filter(|case| !twofold.contains(&case.key) && case.kind != Syntax) {
-        let problems = refused(&RIGHT.replace(case.change.0, case.change.1));
+    for (case, right) in cases().filter(|(case, _)| !twofold.contains(&case.key) && case.kind != Syntax) {
+        let problems = refused(&right.replace(case.change.0, case.change.1));
         assert_eq!(problems.len(), 1, "{}: {problems:#?}", case.claim);
     }
 }

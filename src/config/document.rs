@@ -122,13 +122,18 @@ impl Document {
     /// # Errors
     /// The table when it is missing; every key in it that is unknown, missing or of another type.
     pub fn section<T: DeserializeOwned>(&self, key: &str) -> Result<T, Problems> {
-        let Some(entry) = self.top().and_then(|table| table.get(key)) else {
-            let expected = format!("a table [{key}] in this file or in one that it extends");
-            let problem =
-                self.files.problem(ProblemKind::Missing, &self.root.place, key, String::new(), expected);
-            return Err(one(problem));
-        };
-        deserialize::read(&self.files, &entry.node, key).map_err(all)
+        match self.top().and_then(|table| table.get(key)) {
+            Some(entry) => deserialize::read(&self.files, &entry.node, key).map_err(all),
+            None => Err(self.without(key)),
+        }
+    }
+
+    /// A section that a command cannot do without, though others can.
+    ///
+    /// # Errors
+    /// The table as missing, when there is none.
+    pub fn require<'s, T>(&self, key: &str, section: &'s Option<T>) -> Result<&'s T, Problems> {
+        section.as_ref().ok_or_else(|| self.without(key))
     }
 
     /// Reads several top-level tables as the fields of one struct; other tables are passed over.
@@ -168,6 +173,11 @@ impl Document {
         let digest = Sha256::digest(text.as_bytes());
         let sha256 = digest.iter().map(|byte| format!("{byte:02x}")).collect();
         Resolved { text, sha256 }
+    }
+
+    fn without(&self, key: &str) -> Problems {
+        let expected = format!("a table [{key}] in this file or in one that it extends");
+        one(self.files.problem(ProblemKind::Missing, &self.root.place, key, "", expected))
     }
 
     fn top(&self) -> Option<&Table> {

@@ -7,6 +7,8 @@ use magsteer_hal::config::HardwareConfig;
 use magsteer_hal::invalid::Invalid;
 use serde::de::DeserializeOwned;
 
+use crate::daemon::DaemonConfig;
+
 use super::document::Document;
 use super::placement;
 use super::problem::{Problem, Problems};
@@ -25,6 +27,8 @@ pub struct Config {
     pub hardware: HardwareConfig,
     /// The rig in SI.
     pub description: HardwareDescription,
+    /// `[daemon]`; `None` in a file that describes a rig and steers nothing.
+    pub daemon: Option<DaemonConfig>,
 }
 
 impl Config {
@@ -49,9 +53,12 @@ impl Config {
         if let Some(description) = &description {
             gatherer.refuse(placement::check(description));
         }
-        let Gatherer { problems, .. } = gatherer;
+        let daemon = gatherer.section("daemon", DaemonConfig::check);
+        let problems = gatherer.problems;
         match (hardware, description) {
-            (Some(hardware), Some(description)) => Problems::refuse(problems, Self { hardware, description }),
+            (Some(hardware), Some(description)) => {
+                Problems::refuse(problems, Self { hardware, description, daemon })
+            }
             _ => Err(Problems::new(problems).expect("what could not be built was refused for a reason")),
         }
     }
@@ -77,7 +84,12 @@ impl Gatherer<'_> {
     }
 
     /// A section that a file may leave out: a rig can be described without being steered.
-    fn section<T: DeserializeOwned>(&mut self, key: &str) -> Option<T> {
-        self.document.has(key).then(|| self.document.section(key)).and_then(|read| self.keep(read))
+    fn section<T: DeserializeOwned>(&mut self, key: &str, check: fn(&T) -> Vec<Invalid>) -> Option<T> {
+        if !self.document.has(key) {
+            return None;
+        }
+        let section = self.keep(self.document.section(key))?;
+        self.refuse(check(&section));
+        Some(section)
     }
 }
