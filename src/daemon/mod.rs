@@ -1,1 +1,22 @@
-//! Layer daemon.
+//! The daemon: runs the controller at a fixed rate against whatever drives the coils, and guards it.
+//!
+//! Start reading in `control_loop.rs`. What is absent: physics, and any waiting for a message.
+//!
+//! | file | does |
+//! |---|---|
+//! | `control_loop` | one cycle: read, step, supervise, gate, write, record |
+//! | `supervisor`, `state` | states, causes, limits; decides what the cycle may send |
+//! | `clock` | absolute deadlines, missed periods |
+//! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
+//! | `statistics` | lossless histograms of timing |
+//! | `telemetry` | the other thread: requests, status, log lines |
+//! | `run` | puts the threads together and takes them down |
+
+mod clock;
+mod config;
+pub mod kernel;
+mod statistics;
+
+pub use clock::{Clock, Schedule, Tick};
+pub use config::{DaemonConfig, Limits, RealtimePolicy};
+pub use statistics::{LatencySummary, Statistics, TimingSummary};

@@ -1,0 +1,125 @@
+//! Are the magnets where the field model holds?
+//!
+//! **Problem.** The multipole series of a coil holds only in front of its face, and a magnet outside the workspace cannot be steered. Both follow
+//! from several tables at once, so that no section can check it alone.
+//!
+//! **Method.** The unloaded manipulator is laid out from its clamp, and each magnet's centre is held against the
+//! workspace and against every coil, with the frames where they rest: at angle zero, or at the end of their range that is nearest to it.
+
+use magsteer_hal::description::{CoilDescription, HardwareDescription, PartDescription, SectionDescription};
+use magsteer_hal::invalid::{Checks, Invalid};
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+
+/// Steps along a precurved section; a circle of one turn then closes within 1e-3 of its radius.
+const STEPS: usize = 64;
+
+/// Refuses magnets that, unloaded, lie outside the workspace or outside the range of a coil's field model.
+pub(super) fn check(description: &HardwareDescription) -> Vec<Invalid> {
+    let mut checks = Checks::new();
+    let workspace = &description.workspace;
+    let rest = rest_angles(description);
+    for (index, name, center) in unloaded_magnets(description) {
+        let key = format!("manipulator.parts[{index}].magnet");
+        let value = format!("{name:?} with its centre at {} mm when unloaded", millimetres(&center));
+        let distance = (center - Vector3::from(workspace.center)).norm();
+        let expected = format!(
+            "inside the workspace: at most {} mm from {} mm",
+            short(workspace.radius * 1e3),
+            millimetres(&Vector3::from(workspace.center))
+        );
+        checks.require(distance <= workspace.radius, &key, &value, expected);
+        if let Some(coil) = out_of_range(description, &rest, &center) {
+            let coil = &description.coils[coil];
+            let expected = format!(
+                "in the range of coil {:?}: at least {} mm in front of its face",
+                coil.name,
+                short(coil.valid_from_x * 1e3)
+            );
+            checks.require(false, &key, &value, expected);
+        }
+    }
+    match checks.into_result(()) {
+        Ok(()) => Vec::new(),
+        Err(refused) => refused,
+    }
+}
+
+/// Index of the first coil whose field model does not hold at `point` (m, world) when the frames stand at `angles` (rad).
+/// Frames past the end of `angles` stand at zero.
+#[must_use]
+pub fn out_of_range(
+    description: &HardwareDescription,
+    angles: &[f64],
+    point: &Vector3<f64>,
+) -> Option<usize> {
+    description.coils.iter().position(|coil| local_x(description, coil, angles, point) < coil.valid_from_x)
+}
+
+/// Coordinate of `point` along the axis of a coil, from its expansion point, m.
+fn local_x(
+    description: &HardwareDescription,
+    coil: &CoilDescription,
+    angles: &[f64],
+    point: &Vector3<f64>,
+) -> f64 {
+    // Turning the coil forward and the point backward come to the same.
+    let point = match coil.frame.map(|index| (&description.frames[index], angles.get(index))) {
+        Some((frame, Some(angle))) => {
+            let pivot = Vector3::from(frame.pivot);
+            let axis = Unit::new_normalize(Vector3::from(frame.axis));
+            pivot + Rotation3::from_axis_angle(&axis, -angle) * (point - pivot)
+        }
+        _ => *point,
+    };
+    let axis = Vector3::from(coil.rotation.map(|row| row[0]));
+    axis.dot(&(point - Vector3::from(coil.position)))
+}
+
+fn rest_angles(description: &HardwareDescription) -> Vec<f64> {
+    let rest = |frame: &magsteer_hal::description::FrameDescription| {
+        0.0_f64.max(frame.angle_min).min(frame.angle_max)
+    };
+    description.frames.iter().map(rest).collect()
+}
+
+/// Part index, name and centre (m, world) of each magnet when nothing acts on the manipulator.
+fn unloaded_magnets(description: &HardwareDescription) -> Vec<(usize, &str, Vector3<f64>)> {
+    let manipulator = &description.manipulator;
+    let [x, y, z] = manipulator.base_rotation;
+    let mut position = Vector3::from(manipulator.base_position);
+    let mut rotation = Rotation3::from_matrix_unchecked(Matrix3::from_rows(&[x.into(), y.into(), z.into()]));
+    let mut magnets = Vec::new();
+    for (index, part) in manipulator.parts.iter().enumerate() {
+        match part {
+            PartDescription::Section(section) => advance(section, &mut position, &mut rotation),
+            PartDescription::Magnet(magnet) => {
+                let tangent = rotation * Vector3::z();
+                magnets.push((index, magnet.name.as_str(), position + tangent * (magnet.length / 2.0)));
+                position += tangent * magnet.length;
+            }
+        }
+    }
+    magnets
+}
+
+/// Follows an unloaded section to its end: `p' = R e_z`, `R' = R [u]x` with the precurvature `u`, by midpoint steps.
+fn advance(section: &SectionDescription, position: &mut Vector3<f64>, rotation: &mut Rotation3<f64>) {
+    let step = section.length / STEPS as f64;
+    let half_turn = Rotation3::new(Vector3::from(section.precurvature) * (step / 2.0));
+    for _ in 0..STEPS {
+        *rotation *= half_turn;
+        *position += *rotation * Vector3::z() * step;
+        *rotation *= half_turn;
+    }
+}
+
+fn millimetres(point: &Vector3<f64>) -> String {
+    let [x, y, z] = [point.x, point.y, point.z].map(|component| short(component * 1e3));
+    format!("({x}, {y}, {z})")
+}
+
+/// Three decimals at most.
+fn short(value: f64) -> f64 {
+    // The sum turns a negative zero into zero.
+    (value * 1e3).round() / 1e3 + 0.0
+}
