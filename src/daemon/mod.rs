@@ -5,7 +5,9 @@
 //! | file | does |
 //! |---|---|
 //! | `control_loop` | one cycle: read, step, supervise, gate, write, record |
-//! | `supervisor`, `state` | states, causes, limits; decides what the cycle may send |
+//! | `state` | the states with their diagram, requests, answers |
+//! | `supervisor` | decides the state and what the cycle may send |
+//! | `watch` | what is judged in a cycle, and which cause follows from it |
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
 //! | `statistics` | lossless histograms of timing |
@@ -15,8 +17,16 @@
 mod clock;
 mod config;
 pub mod kernel;
+mod state;
 mod statistics;
+mod supervisor;
+#[cfg(test)]
+mod supervisor_tests;
+mod watch;
 
 pub use clock::{Clock, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
-pub use statistics::{LatencySummary, Statistics, TimingSummary};
+pub use state::{Answer, Directive, Request, State, Transition, Verb};
+pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};
+pub use supervisor::{Decision, Supervisor};
+pub use watch::{DriverView, Observation, Response, response};
