@@ -9,11 +9,13 @@ mod config;
 mod cycle;
 mod error;
 mod integral;
+mod model;
 mod reference;
 
 pub use allocation::{Allocated, Allocation, AllocationKind};
 pub use config::{ControlConfig, FrameUse};
-pub use cycle::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
+pub use cycle::{Cycle, CycleInput, CycleOutcome, Directions, ModelReport, Step};
 pub use error::{OrientationError, OrientationErrorKind};
 pub use integral::ProportionalIntegral;
+pub use model::Model;
 pub use reference::Reference;
