@@ -4,6 +4,7 @@ use clap::{Parser, Subcommand};
 
 use super::check::Check;
 use super::exit::Exit;
+use super::field::Field;
 use super::output;
 
 /// Steers soft continuum manipulators carrying permanent magnets with an array of mobile electromagnets.
@@ -25,12 +26,14 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Check(Check),
+    Field(Field),
 }
 
 impl Command {
     fn run(&self) -> anyhow::Result<Exit> {
         match self {
             Self::Check(command) => command.run(),
+            Self::Field(command) => command.run(),
         }
     }
 }

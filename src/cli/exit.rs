@@ -72,13 +72,13 @@ pub struct Failure {
 
 impl Failure {
     /// Ends the command with `exit`.
-    pub fn new(exit: Exit, source: impl Into<anyhow::Error>) -> anyhow::Error {
+    pub fn with(exit: Exit, source: impl Into<anyhow::Error>) -> anyhow::Error {
         Self { exit, source: source.into() }.into()
     }
 
     /// Ends the command because its arguments do not fit together.
     pub fn usage(message: impl Display) -> anyhow::Error {
-        Self::new(Exit::Usage, anyhow::anyhow!("{message}"))
+        Self::with(Exit::Usage, anyhow::anyhow!("{message}"))
     }
 }
 

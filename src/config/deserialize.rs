@@ -2,7 +2,7 @@
 //!
 //! **Problem.** Serde stops at the first error, and its message is a sentence without a place.
 //!
-//! **Method.** [`NodeReader`](super::node_reader::NodeReader) is a deserialiser over the tree that knows the path it is at. Keys that a struct does not have are
+//! **Method.** [`NodeReader`] is a deserialiser over the tree that knows the path it is at. Keys that a struct does not have are
 //! noted and passed over. Any other refusal ends the attempt; its path is then marked, and the next attempt finds a [`StandIn`](super::stand_in::StandIn) there, which gives
 //! whatever type is asked for. Each attempt thus yields one refusal more, until the rest reads through. A value built with
 //! stand-ins is thrown away.

@@ -63,7 +63,7 @@ impl Document {
         let mut layers = Vec::new();
         loop {
             let mut node = tree::parse(&files, file).map_err(all)?;
-            let base = take_base(&files, &mut node, path.as_deref()).map_err(one)?;
+            let base = take_base(&files, &mut node, path.as_deref())?;
             layers.push(node);
             let Some(base) = base else { break };
             let refuse = |kind, reason: String, expected: &str| {
@@ -195,12 +195,12 @@ struct Base {
 }
 
 /// Takes `extends` out of a file's tree.
-fn take_base(files: &Files, node: &mut Node, path: Option<&Path>) -> Result<Option<Base>, Problem> {
+fn take_base(files: &Files, node: &mut Node, path: Option<&Path>) -> Result<Option<Base>, Problems> {
     let Value::Table(table) = &mut node.value else { return Ok(None) };
     let Some(entry) = table.remove(EXTENDS) else { return Ok(None) };
     let place = entry.node.place;
     let refuse = |expected: &str| {
-        Err(files.problem(ProblemKind::Value, &place, EXTENDS, files.words(&place), expected))
+        Err(one(files.problem(ProblemKind::Value, &place, EXTENDS, files.words(&place), expected)))
     };
     let Value::Text(name) = entry.node.value else {
         return refuse("the path of a file, relative to this one");

@@ -76,10 +76,7 @@ impl Experiment {
         for (index, step) in self.steps.iter().enumerate() {
             step.check(&format!("steps[{index}]"), magnets, &mut checks);
         }
-        match checks.into_result(()) {
-            Ok(()) => Vec::new(),
-            Err(refused) => refused,
-        }
+        checks.into_result(()).err().unwrap_or_default()
     }
 
     /// Desired unit tangents of a step, one a magnet in the order of `magnets`; the rest is zero.

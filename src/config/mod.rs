@@ -27,6 +27,5 @@ mod tree;
 
 pub use document::{Document, Resolved};
 pub use experiment::{Experiment, ExperimentStep};
-pub use placement::out_of_range;
 pub use problem::{Problem, ProblemKind, Problems};
 pub use root::{Config, TABLES};

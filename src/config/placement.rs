@@ -6,9 +6,11 @@
 //! **Method.** The unloaded manipulator is laid out from its clamp, and each magnet's centre is held against the
 //! workspace and against every coil, with the frames where they rest: at angle zero, or at the end of their range that is nearest to it.
 
-use magsteer_hal::description::{CoilDescription, HardwareDescription, PartDescription, SectionDescription};
+use magsteer_hal::description::{HardwareDescription, PartDescription, SectionDescription};
 use magsteer_hal::invalid::{Checks, Invalid};
-use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use crate::magnetics::CoilArray;
 
 /// Steps along a precurved section; a circle of one turn then closes within 1e-3 of its radius.
 const STEPS: usize = 64;
@@ -17,7 +19,7 @@ const STEPS: usize = 64;
 pub(super) fn check(description: &HardwareDescription) -> Vec<Invalid> {
     let mut checks = Checks::new();
     let workspace = &description.workspace;
-    let rest = rest_angles(description);
+    let coils = CoilArray::new(description).posed(&rest_angles(description));
     for (index, name, center) in unloaded_magnets(description) {
         let key = format!("manipulator.parts[{index}].magnet");
         let value = format!("{name:?} with its centre at {} mm when unloaded", millimetres(&center));
@@ -28,58 +30,22 @@ pub(super) fn check(description: &HardwareDescription) -> Vec<Invalid> {
             millimetres(&Vector3::from(workspace.center))
         );
         checks.require(distance <= workspace.radius, &key, &value, expected);
-        if let Some(coil) = out_of_range(description, &rest, &center) {
-            let coil = &description.coils[coil];
+        for outside in coils.outside(center) {
             let expected = format!(
-                "in the range of coil {:?}: at least {} mm in front of its face",
-                coil.name,
-                short(coil.valid_from_x * 1e3)
+                "in the range of coil {:?}: at least {} mm in front of its face, not {}",
+                description.coils[outside.coil].name,
+                short(outside.valid_from_x * 1e3),
+                short(outside.local_x * 1e3)
             );
             checks.require(false, &key, &value, expected);
         }
     }
-    match checks.into_result(()) {
-        Ok(()) => Vec::new(),
-        Err(refused) => refused,
-    }
+    checks.into_result(()).err().unwrap_or_default()
 }
 
-/// Index of the first coil whose field model does not hold at `point` (m, world) when the frames stand at `angles` (rad).
-/// Frames past the end of `angles` stand at zero.
-#[must_use]
-pub fn out_of_range(
-    description: &HardwareDescription,
-    angles: &[f64],
-    point: &Vector3<f64>,
-) -> Option<usize> {
-    description.coils.iter().position(|coil| local_x(description, coil, angles, point) < coil.valid_from_x)
-}
-
-/// Coordinate of `point` along the axis of a coil, from its expansion point, m.
-fn local_x(
-    description: &HardwareDescription,
-    coil: &CoilDescription,
-    angles: &[f64],
-    point: &Vector3<f64>,
-) -> f64 {
-    // Turning the coil forward and the point backward come to the same.
-    let point = match coil.frame.map(|index| (&description.frames[index], angles.get(index))) {
-        Some((frame, Some(angle))) => {
-            let pivot = Vector3::from(frame.pivot);
-            let axis = Unit::new_normalize(Vector3::from(frame.axis));
-            pivot + Rotation3::from_axis_angle(&axis, -angle) * (point - pivot)
-        }
-        _ => *point,
-    };
-    let axis = Vector3::from(coil.rotation.map(|row| row[0]));
-    axis.dot(&(point - Vector3::from(coil.position)))
-}
-
+/// The angles at which the frames stand before anything turns them: zero, or the end of the range nearest to it.
 fn rest_angles(description: &HardwareDescription) -> Vec<f64> {
-    let rest = |frame: &magsteer_hal::description::FrameDescription| {
-        0.0_f64.max(frame.angle_min).min(frame.angle_max)
-    };
-    description.frames.iter().map(rest).collect()
+    description.frames.iter().map(|frame| 0.0_f64.max(frame.angle_min).min(frame.angle_max)).collect()
 }
 
 /// Part index, name and centre (m, world) of each magnet when nothing acts on the manipulator.
