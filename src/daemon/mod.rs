@@ -16,6 +16,9 @@
 
 mod clock;
 mod config;
+mod control_loop;
+#[cfg(test)]
+mod control_loop_tests;
 pub mod kernel;
 mod state;
 mod statistics;
@@ -26,6 +29,7 @@ mod watch;
 
 pub use clock::{Clock, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
+pub use control_loop::{ControlLoop, CycleRecord, LoopOptions};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
 pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};
 pub use supervisor::{Decision, Supervisor};
