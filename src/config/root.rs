@@ -7,7 +7,9 @@ use magsteer_hal::config::HardwareConfig;
 use magsteer_hal::invalid::Invalid;
 use serde::de::DeserializeOwned;
 
+use crate::control::ControlConfig;
 use crate::daemon::DaemonConfig;
+use crate::rod::{Manipulator, RodConfig};
 
 use super::document::Document;
 use super::placement;
@@ -18,7 +20,7 @@ const RIG_TABLES: [&str; 5] = ["rig", "frames", "coil_types", "coils", "manipula
 
 /// Every top-level key of a configuration. `plant` belongs to the simulated plant, which this library does not know.
 pub const TABLES: [&str; 9] =
-    ["rig", "frames", "coil_types", "coils", "manipulator", "model", "control", "daemon", "plant"];
+    ["rig", "frames", "coil_types", "coils", "manipulator", "rod", "control", "daemon", "plant"];
 
 /// A configuration whose every value was checked.
 #[derive(Debug, Clone)]
@@ -27,6 +29,10 @@ pub struct Config {
     pub hardware: HardwareConfig,
     /// The rig in SI.
     pub description: HardwareDescription,
+    /// The manipulator on the mesh of `[rod]`; `None` in a file that describes a rig without a model of it.
+    pub manipulator: Option<Manipulator>,
+    /// `[control]`; `None` in a file that describes a rig and steers nothing.
+    pub control: Option<ControlConfig>,
     /// `[daemon]`; `None` in a file that describes a rig and steers nothing.
     pub daemon: Option<DaemonConfig>,
 }
@@ -53,11 +59,16 @@ impl Config {
         if let Some(description) = &description {
             gatherer.refuse(placement::check(description));
         }
+        let rod: Option<RodConfig> = gatherer.section("rod", |_| Vec::new());
+        let manipulator = rod
+            .zip(description.as_ref())
+            .and_then(|(rod, description)| gatherer.accept(rod.build(description)));
+        let control = gatherer.section("control", ControlConfig::check);
         let daemon = gatherer.section("daemon", DaemonConfig::check);
         let problems = gatherer.problems;
         match (hardware, description) {
             (Some(hardware), Some(description)) => {
-                Problems::refuse(problems, Self { hardware, description, daemon })
+                Problems::refuse(problems, Self { hardware, description, manipulator, control, daemon })
             }
             _ => Err(Problems::new(problems).expect("what could not be built was refused for a reason")),
         }

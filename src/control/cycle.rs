@@ -194,7 +194,9 @@ impl Cycle {
         }
         let allocated = self.allocation.allocate(&rows.jacobian, &rows.step, &input.admitted, input.period);
         let increment = self.allocation.increment();
-        for (achieved, row) in rows.achieved.iter_mut().zip(rows.jacobian.chunks_exact(increment.len().max(1))) {
+        for (achieved, row) in
+            rows.achieved.iter_mut().zip(rows.jacobian.chunks_exact(increment.len().max(1)))
+        {
             let step: f64 = row.iter().zip(increment).map(|(entry, change)| entry * change).sum();
             *achieved = step / input.period;
         }
@@ -241,7 +243,8 @@ impl Step for Cycle {
             condition: 0.0,
             saturated: 0,
         };
-        let can_steer = input.engaged && input.pose.is_some() && self.model.has_jacobian() && input.period > 0.0;
+        let can_steer =
+            input.engaged && input.pose.is_some() && self.model.has_jacobian() && input.period > 0.0;
         if can_steer {
             self.reference.advance(&input.target, input.period);
             self.fill_rows(input.pose_age);

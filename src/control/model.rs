@@ -74,7 +74,13 @@ impl Model {
         let mut passes = 0;
         let mut residual = f64::NAN;
         while passes < self.passes_max {
-            self.manipulator.pass(&field, &TipLoad::NONE, &self.unknowns, PassMode::default(), &mut self.pass);
+            self.manipulator.pass(
+                &field,
+                &TipLoad::NONE,
+                &self.unknowns,
+                PassMode::default(),
+                &mut self.pass,
+            );
             passes += 1;
             residual = self.pass.residual();
             let Some(step) = self.pass.newton_step().filter(|_| residual.is_finite()) else {

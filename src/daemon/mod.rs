@@ -12,6 +12,7 @@
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
 //! | `statistics` | lossless histograms of timing |
 //! | `telemetry` | the other thread: requests, status, log lines |
+//! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
 mod clock;
@@ -22,6 +23,7 @@ mod control_loop_tests;
 pub mod kernel;
 mod state;
 mod statistics;
+pub mod step_response;
 mod supervisor;
 #[cfg(test)]
 mod supervisor_tests;

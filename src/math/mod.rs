@@ -12,4 +12,4 @@ pub use lu::{Lu, Singular};
 pub use pair::Pair;
 pub use sphere::{angle_between, logarithm, orthonormal_complement, transported_basis};
 pub use thin_svd::ThinSvd;
-pub use triple::Triple;
+pub use triple::{Scalar, Triple};

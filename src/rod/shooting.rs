@@ -118,7 +118,8 @@ impl Manipulator {
         };
         pass.determinant = lu.determinant();
         let step = lu.solve(&pass.residual);
-        let units: [f64; 6] = core::array::from_fn(|i| if i < 3 { self.force_unit } else { self.moment_unit });
+        let units: [f64; 6] =
+            core::array::from_fn(|i| if i < 3 { self.force_unit } else { self.moment_unit });
         pass.newton_step = Some(Vector6::from_fn(|i, _| -step[i] * units[i])); // (s2)
         let blocks = pass.parameters.div_ceil(2 * PAIRS_BLOCK);
         for block in 0..blocks {

@@ -152,8 +152,7 @@ fn two_point_magnets_in_a_uniform_field_match_angles_and_jacobian() {
         close(pass.tip_position().z, number(&row["z_tip"]), 1e-7);
         for magnet in 0..2 {
             let [x, _, z] = pass.tangent_jacobian(magnet);
-            let turn =
-                |column: usize| x[column] * theta[magnet].cos() - z[column] * theta[magnet].sin();
+            let turn = |column: usize| x[column] * theta[magnet].cos() - z[column] * theta[magnet].sin();
             // B = (sin psi, 0, cos psi): the column of psi by the chain rule over Bx and Bz.
             let by_psi = turn(0) * psi.cos() - turn(2) * psi.sin();
             let expected = number(&row["J"][magnet][2]);
