@@ -1,1 +1,13 @@
-//! Layer cli.
+//! The command line: one file a subcommand, each a type that clap fills and whose `run` prints and returns an [`exit::Exit`].
+//!
+//! Results go to standard output, everything else to standard error. A subcommand is added by its file and its line in
+//! [`command::Command`]. What is absent: logic that a test would want to call; that lives in the library.
+
+mod actuation;
+mod check;
+mod command;
+mod exit;
+mod field;
+mod output;
+
+pub use command::run;

@@ -209,6 +209,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             period: elapsed.min(self.rig.period * PERIODS_PER_STEP_MAX).as_secs_f64(),
             pose: sensed.pose.last,
             pose_is_fresh: sensed.pose.fresh,
+            pose_age: sensed.pose.age(tick.now).unwrap_or_default().as_secs_f64(),
             measured: sensed.feedback.last.map_or(admitted, |feedback| feedback.measured),
             admitted,
             target,

@@ -13,6 +13,7 @@
 //! | `statistics` | lossless histograms of timing |
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
+//! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
 mod clock;
@@ -25,6 +26,7 @@ mod run;
 mod runner;
 mod state;
 mod statistics;
+pub mod step_response;
 mod supervisor;
 #[cfg(test)]
 mod supervisor_tests;
