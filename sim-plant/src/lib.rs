@@ -12,7 +12,10 @@
 //! Conventions: SI units, radians and the world frame inside; configuration keys end in their unit.
 //! Everything random comes from one seed, so that a run can be repeated bit for bit.
 
+pub mod circuit;
 pub mod field;
 #[cfg(test)]
 mod fixture;
+pub mod motor;
 pub mod rod;
+pub mod sensor;
