@@ -20,7 +20,7 @@ use crate::rod::Pose;
 const RANDOM_STREAM: u64 = 1;
 
 /// What a sensor is like.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SensorCharacter {
     /// Time between exposures.
     pub period: Duration,

@@ -206,6 +206,12 @@ impl Rod {
         }
     }
 
+    /// True unless the field at some magnet lay outside its model in the last step.
+    #[must_use]
+    pub fn field_was_valid(&self) -> bool {
+        self.fields.iter().all(|field| field.valid)
+    }
+
     /// Mechanical energy at the present state.
     #[must_use]
     pub fn energy(&self) -> Energy {
