@@ -8,6 +8,6 @@ mod lu;
 mod pair;
 mod triple;
 
-pub use lu::{Lu, Singular};
+pub use lu::{Lu, PIVOT_MIN, Singular};
 pub use pair::Pair;
 pub use triple::{Scalar, Triple};

@@ -73,7 +73,13 @@ impl Magnet {
 
     /// Moves `state` across the magnet and returns the jump of variations. `sample` is the field at the centre.
     #[inline(always)]
-    pub fn cross(&self, state: &mut State, gravity: Triple, sample: &FieldSample, wrenches: Wrenches) -> Jump {
+    pub fn cross(
+        &self,
+        state: &mut State,
+        gravity: Triple,
+        sample: &FieldSample,
+        wrenches: Wrenches,
+    ) -> Jump {
         let moment = state.frame.to_world(self.moment_body);
         let field = Triple::from(sample.field);
         let force = apply(&sample.gradient, moment);

@@ -58,8 +58,11 @@ impl Manipulator {
                 PartDescription::Magnet(magnet) => Part::Magnet(Magnet::new(magnet)),
             })
             .collect();
-        let sections =
-            || parts.iter().filter_map(|part| if let Part::Section(section) = part { Some(section) } else { None });
+        let sections = || {
+            parts
+                .iter()
+                .filter_map(|part| if let Part::Section(section) = part { Some(section) } else { None })
+        };
         let length: f64 = sections().map(|section| section.length).sum();
         // Mean compliance, so that a short stiff section does not set the scale.
         let compliance: f64 = sections().map(|section| section.length / section.bending_stiffness).sum();

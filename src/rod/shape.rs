@@ -30,10 +30,12 @@ impl Manipulator {
         let mut magnets = 0;
         for (index, part) in self.parts.iter().enumerate() {
             match part {
-                Part::Section(section) => section.trace(&pass.states[index], pass.gravity, |position, tangent| {
-                    let (position, tangent) = (position.into(), tangent.into());
-                    stations.push(Station { position, tangent, magnet: None });
-                }),
+                Part::Section(section) => {
+                    section.trace(&pass.states[index], pass.gravity, |position, tangent| {
+                        let (position, tangent) = (position.into(), tangent.into());
+                        stations.push(Station { position, tangent, magnet: None });
+                    })
+                }
                 Part::Magnet(_) => {
                     let end = &pass.states[index + 1];
                     stations.push(Station {

@@ -2,10 +2,10 @@
 
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::description::{
-    ExtensibleStiffness, MagnetDescription, ManipulatorDescription, PartDescription, Rows3, SectionDescription,
-    Workspace,
+    ExtensibleStiffness, MagnetDescription, ManipulatorDescription, PartDescription, Rows3,
+    SectionDescription, Workspace,
 };
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -93,8 +93,7 @@ pub fn reference_two_magnets(signs: [f64; 2]) -> HardwareDescription {
     let young: f64 = 2.0e6;
     let volume = std::f64::consts::PI * 1e-6 * magnet_length;
     let moment = 1.32 / (4e-7 * std::f64::consts::PI) * volume;
-    let part =
-        |length| PartDescription::Section(round_section(length, radius, young, young / 3.0, 1030.0));
+    let part = |length| PartDescription::Section(round_section(length, radius, young, young / 3.0, 1030.0));
     let tip = |sign: f64| magnet(magnet_length, 7500.0 * volume, [0.0, 0.0, sign * moment]);
     let parts = vec![part(25e-3), tip(signs[0]), part(20e-3), tip(signs[1])];
     description(HORIZONTAL, [0.0, 0.0, -9.81], parts)
@@ -153,9 +152,7 @@ impl Dipoles {
         let ways: Vec<Vector3<f64>> = (0..count).map(&mut unit).collect();
         let positions = ways
             .iter()
-            .map(|way| {
-                Vector3::new(0.02, 0.0, 0.0) + way.normalize() * random.random_range(0.06..0.09)
-            })
+            .map(|way| Vector3::new(0.02, 0.0, 0.0) + way.normalize() * random.random_range(0.06..0.09))
             .collect();
         let strengths = (0..count).map(|_| random.random_range(-5e-7..5e-7)).collect();
         Self { strengths, positions, axes }
@@ -223,7 +220,11 @@ fn independent(g: &Matrix3<f64>) -> FieldGradient {
     FieldGradient { xx: g[(0, 0)], xy: g[(0, 1)], xz: g[(0, 2)], yy: g[(1, 1)], yz: g[(1, 2)] }
 }
 
-/// Rotation vector that takes `from` to `to`, world.
+/// Rotation vector that takes `from` to `to`, world, by the skew part: exact to rounding for small angles,
+/// where the trace is not.
 pub fn rotation_between(from: &Matrix3<f64>, to: &Matrix3<f64>) -> Vector3<f64> {
-    Rotation3::from_matrix_unchecked(to * from.transpose()).scaled_axis()
+    let r = to * from.transpose();
+    let sine = Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]) * 0.5;
+    let length = sine.norm();
+    if length > 0.0 { sine * (length.asin() / length) } else { sine }
 }

@@ -152,8 +152,7 @@ fn two_point_magnets_in_a_uniform_field_match_angles_and_jacobian() {
         close(pass.tip_position().z, number(&row["z_tip"]), 1e-7);
         for magnet in 0..2 {
             let [x, _, z] = pass.tangent_jacobian(magnet);
-            let turn =
-                |column: usize| x[column] * theta[magnet].cos() - z[column] * theta[magnet].sin();
+            let turn = |column: usize| x[column] * theta[magnet].cos() - z[column] * theta[magnet].sin();
             // B = (sin psi, 0, cos psi): the column of psi by the chain rule over Bx and Bz.
             let by_psi = turn(0) * psi.cos() - turn(2) * psi.sin();
             let expected = number(&row["J"][magnet][2]);
@@ -183,13 +182,12 @@ fn straight_determinant(manipulator: &Manipulator, field: &AffineField, force: f
     pass.determinant()
 }
 
-/// Bisects for the load at which the determinant loses its sign.
+/// The load between `low` and `high` at which the determinant vanishes.
 ///
-/// Both bending planes buckle at once when load and rod are round, so that the determinant touches zero as a
-/// square; a tiny curvature of one plane's field is not available, so its root is bracketed by the minimum.
+/// Rod and load are round, so both bending planes buckle at once: the determinant is the square of one plane's and
+/// touches zero. Its square root is linear on either side, so a golden-section search finds the touch sharply.
 fn critical(determinant: impl Fn(f64) -> f64, low: f64, high: f64) -> f64 {
     let (mut low, mut high) = (low, high);
-    // Golden section on a smooth, convex touch of zero, by the square root, which is |linear|.
     let root = |load: f64| determinant(load).abs().sqrt();
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     for _ in 0..90 {
