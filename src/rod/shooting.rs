@@ -18,12 +18,12 @@
 
 use nalgebra::Vector6;
 
-use crate::magnetics::AppliedField;
+use crate::magnetics::{AppliedField, FieldSample, PARAMETERS_MAX};
 use crate::math::{Lu, Pair, Triple};
 
 use super::magnet::{Jump, Magnet};
 use super::manipulator::{Manipulator, Part};
-use super::pass::{MagnetPass, PAIRS_BLOCK, Pass, PassMode, TipLoad};
+use super::pass::{JacobianRows, MagnetPass, PAIRS_BLOCK, Pass, PassMode, TipLoad};
 use super::section::Section;
 use super::state::State;
 use super::transition::{Columns, PAIRS_AXIAL, PAIRS_CLAMPED, PAIRS_FULL, Rows};
@@ -55,7 +55,7 @@ impl Manipulator {
         pass.gravity = gravity;
         pass.unknowns = *unknowns;
         pass.poses = mode.poses;
-        pass.parameters = field.parameter_count();
+        pass.parameters = field.parameter_count().min(PARAMETERS_MAX);
         if mode.poses || !self.axial {
             self.sweep::<true>(field, mode, pass);
         } else {
@@ -206,7 +206,7 @@ fn cross_magnet<const FULL: bool>(
 fn actuate(
     jump: &Jump,
     columns: &mut Columns<PAIRS_BLOCK>,
-    sample: &crate::magnetics::FieldSample,
+    sample: &FieldSample,
     offset: usize,
     parameters: usize,
 ) {
@@ -272,7 +272,7 @@ fn add_by_unknowns(
 }
 
 #[inline(always)]
-fn store(rows: &mut super::pass::JacobianRows, first: usize, value: Triple<Pair>) {
+fn store(rows: &mut JacobianRows, first: usize, value: Triple<Pair>) {
     for (row, pair) in rows.iter_mut().zip([value.x, value.y, value.z]) {
         row[first] = pair.low();
         row[first + 1] = pair.high();
