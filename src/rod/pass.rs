@@ -198,7 +198,7 @@ impl Pass {
         self.unknowns
     }
 
-    /// What the base exerts on nothing: the force transmitted at the clamp, the sum of all loads in equilibrium, N.
+    /// The force transmitted at the clamp, the sum of all loads in equilibrium, N.
     #[must_use]
     pub fn base_force(&self) -> Vector3<f64> {
         self.unknowns.fixed_rows::<3>(0).into()
