@@ -138,6 +138,12 @@ impl Manipulator {
             for (row, unit) in unknowns.iter_mut().zip(units) {
                 *row = scale(row, -unit); // (s3)
             }
+            for (kept, row) in pass.unknowns_rows.iter_mut().zip(&unknowns) {
+                let kept = kept[block * 2 * PAIRS_BLOCK..].iter_mut();
+                for (entry, value) in kept.zip(row.iter().flat_map(|pair| [pair.low(), pair.high()])) {
+                    *entry = value;
+                }
+            }
             for magnet in &mut pass.magnets {
                 magnet.finish(block, &unknowns, pass.poses);
             }
