@@ -8,6 +8,7 @@ use magsteer_hal::invalid::Invalid;
 use serde::de::DeserializeOwned;
 
 use crate::daemon::DaemonConfig;
+use crate::rod::{Manipulator, RodConfig};
 
 use super::document::Document;
 use super::placement;
@@ -18,7 +19,7 @@ const RIG_TABLES: [&str; 5] = ["rig", "frames", "coil_types", "coils", "manipula
 
 /// Every top-level key of a configuration. `plant` belongs to the simulated plant, which this library does not know.
 pub const TABLES: [&str; 9] =
-    ["rig", "frames", "coil_types", "coils", "manipulator", "model", "control", "daemon", "plant"];
+    ["rig", "frames", "coil_types", "coils", "manipulator", "rod", "control", "daemon", "plant"];
 
 /// A configuration whose every value was checked.
 #[derive(Debug, Clone)]
@@ -27,6 +28,8 @@ pub struct Config {
     pub hardware: HardwareConfig,
     /// The rig in SI.
     pub description: HardwareDescription,
+    /// `[rod]`; `None` in a file that describes a rig without its model.
+    pub rod: Option<RodConfig>,
     /// `[daemon]`; `None` in a file that describes a rig and steers nothing.
     pub daemon: Option<DaemonConfig>,
 }
@@ -53,14 +56,31 @@ impl Config {
         if let Some(description) = &description {
             gatherer.refuse(placement::check(description));
         }
+        // Without a rig there is nothing to mesh; what is wrong with the rig is reported above.
+        let rod = gatherer.section::<RodConfig>("rod", |rod| {
+            let built = description.as_ref().map(|description| rod.build(description));
+            built.and_then(Result::err).unwrap_or_default()
+        });
         let daemon = gatherer.section("daemon", DaemonConfig::check);
         let problems = gatherer.problems;
         match (hardware, description) {
             (Some(hardware), Some(description)) => {
-                Problems::refuse(problems, Self { hardware, description, daemon })
+                Problems::refuse(problems, Self { hardware, description, rod, daemon })
             }
             _ => Err(Problems::new(problems).expect("what could not be built was refused for a reason")),
         }
+    }
+}
+
+impl Config {
+    /// The model of the manipulator.
+    ///
+    /// # Errors
+    /// `[rod]` is missing.
+    pub fn manipulator(&self, document: &Document) -> Result<Manipulator, Problems> {
+        let rod = document.require("rod", &self.rod)?;
+        let built = rod.build(&self.description);
+        built.map_err(|refused| Problems::new(document.refuse(refused)).expect("a refusal has a reason"))
     }
 }
 
@@ -84,7 +104,7 @@ impl Gatherer<'_> {
     }
 
     /// A section that a file may leave out: a rig can be described without being steered.
-    fn section<T: DeserializeOwned>(&mut self, key: &str, check: fn(&T) -> Vec<Invalid>) -> Option<T> {
+    fn section<T: DeserializeOwned>(&mut self, key: &str, check: impl Fn(&T) -> Vec<Invalid>) -> Option<T> {
         if !self.document.has(key) {
             return None;
         }
