@@ -52,6 +52,29 @@ pub enum Absent {
         /// By how much.
         ahead_ns: u64,
     },
+    /// The sensor did not see every magnet.
+    #[error("magnet {magnet} was not seen")]
+    NotSeen {
+        /// The first magnet that was not seen.
+        magnet: u32,
+    },
+    /// The validity that the sender gave it ran out before it was read.
+    #[error("validity ran out {late_ns} ns ago")]
+    Expired {
+        /// How long ago.
+        late_ns: u64,
+    },
+    /// A message of another epoch that was published before the last accepted one: a leftover of a former sender.
+    #[error("epoch {actual} published before the last accepted message of epoch {last}")]
+    FormerEpoch {
+        /// Epoch of the last accepted message.
+        last: u64,
+        /// Epoch received.
+        actual: u64,
+    },
+    /// The transport could not hand the message over.
+    #[error("the transport failed to deliver")]
+    Transport,
     /// The sender runs another description of the rig.
     #[error("description {actual:016x} at the driver, {expected:016x} here")]
     Description {

@@ -8,20 +8,29 @@
 //! (message field, TOML key) its unit is the last word of its name. Quaternions are x, y, z, w.
 //! What is absent: nothing here knows a field model, a rod or a control law.
 
+pub mod channels;
 pub mod config;
 pub mod description;
 pub mod gate;
+pub mod guard;
 pub mod hardware;
 pub mod invalid;
+mod limits;
 pub mod message;
 pub mod operator;
+pub mod receive;
+pub mod scripted;
+pub mod send;
 pub mod time;
 
 pub use description::HardwareDescription;
-pub use gate::{AdmittedCommand, Authority};
+pub use gate::{Admitted, AdmittedCommand, Authority, Gate, Limited, Refused};
+pub use guard::{CommandGuard, Refusal, Setpoint};
 pub use hardware::{Absent, Hardware, Reading, Sensed, WriteError};
 pub use message::{
     Actuation, COILS_MAX, CoilCommand, CoilFeedback, Header, MAGNETS_MAX, MagnetPose, POSE_PARAMETERS_MAX,
     PoseMessage,
 };
+pub use receive::{FeedbackReceiver, PoseReceiver};
+pub use send::{CommandWriter, HeaderWriter};
 pub use time::Stamp;

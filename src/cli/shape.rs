@@ -50,14 +50,14 @@ pub struct Shape {
 impl Shape {
     pub fn run(&self) -> anyhow::Result<Exit> {
         let (document, config) = Config::load(&self.file)?;
-        let manipulator = config.manipulator(&document)?;
+        let manipulator = document.require("rod", &config.manipulator)?;
         let rig = &config.description;
         let answer = match self.affine_field() {
-            Some(field) => self.answer(rig, &manipulator, &field, &affine_columns()),
+            Some(field) => self.answer(rig, manipulator, &field, &affine_columns()),
             None => {
                 let actuation = self.actuation.for_rig(rig)?;
                 let posed = CoilArray::new(rig).posed(&actuation.angles);
-                self.answer(rig, &manipulator, &posed.actuated(&actuation.currents), &array_columns(rig))
+                self.answer(rig, manipulator, &posed.actuated(&actuation.currents), &array_columns(rig))
             }
         };
         if let Some(failure) = &answer.failure {
@@ -110,7 +110,7 @@ impl Shape {
             exact: JacobianAnswer::of(&pass, columns),
             frozen_wrench: JacobianAnswer::of(&frozen, columns),
         };
-        Answer::new(rig, &solution, &pass, elapsed_us, jacobian)
+        Answer::new(&names, &solution, &pass, elapsed_us, jacobian)
     }
 }
 

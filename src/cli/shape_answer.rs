@@ -1,8 +1,6 @@
 //! What `magsteer shape` prints. The keys of [`Answer`] are stable: other programs test against them.
 
 use magsteer::rod::{MagnetPass, Outcome, Pass, Solution};
-use magsteer_hal::HardwareDescription;
-use magsteer_hal::description::MagnetDescription;
 use nalgebra::Matrix3;
 use serde::Serialize;
 
@@ -80,16 +78,16 @@ fn failure(solution: &Solution) -> Option<String> {
 }
 
 impl MagnetAnswer {
-    fn new(magnet: &MagnetDescription, gravity: [f64; 3], at: &MagnetPass) -> Self {
+    fn new(name: &str, at: &MagnetPass) -> Self {
         Self {
-            name: magnet.name.clone(),
+            name: name.to_owned(),
             position_m: at.position().into(),
             tangent: at.tangent().into(),
             rotation: by_rows(&at.rotation()),
             field_t: at.field().into(),
             force_n: at.force().into(),
             torque_nm: at.torque().into(),
-            weight_n: gravity.map(|component| magnet.mass * component),
+            weight_n: at.weight().into(),
             field_valid: at.field_is_valid(),
         }
     }
@@ -98,13 +96,13 @@ impl MagnetAnswer {
 impl Answer {
     /// The equilibrium in `pass`.
     pub fn new(
-        rig: &HardwareDescription,
+        names: &[&str],
         solution: &Solution,
         pass: &Pass,
         elapsed_us: f64,
         jacobian: JacobianAnswer,
     ) -> Self {
-        let magnets = rig.magnets().zip(pass.magnets());
+        let magnets = names.iter().zip(pass.magnets());
         Self {
             converged: solution.converged(),
             iterations: solution.iterations,
@@ -114,7 +112,7 @@ impl Answer {
             base_moment_nm: pass.base_moment().into(),
             tip_position_m: pass.tip_position().into(),
             tip_tangent: pass.tip_tangent().into(),
-            magnets: magnets.map(|(magnet, at)| MagnetAnswer::new(magnet, rig.gravity, at)).collect(),
+            magnets: magnets.map(|(name, at)| MagnetAnswer::new(name, at)).collect(),
             jacobian,
             stability_margin: None,
             determinant: pass.determinant(),

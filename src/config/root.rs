@@ -7,6 +7,7 @@ use magsteer_hal::config::HardwareConfig;
 use magsteer_hal::invalid::Invalid;
 use serde::de::DeserializeOwned;
 
+use crate::control::ControlConfig;
 use crate::daemon::DaemonConfig;
 use crate::rod::{Manipulator, RodConfig};
 
@@ -28,8 +29,10 @@ pub struct Config {
     pub hardware: HardwareConfig,
     /// The rig in SI.
     pub description: HardwareDescription,
-    /// `[rod]`; `None` in a file that describes a rig without its model.
-    pub rod: Option<RodConfig>,
+    /// The manipulator on the mesh of `[rod]`; `None` in a file that describes a rig without a model of it.
+    pub manipulator: Option<Manipulator>,
+    /// `[control]`; `None` in a file that describes a rig and steers nothing.
+    pub control: Option<ControlConfig>,
     /// `[daemon]`; `None` in a file that describes a rig and steers nothing.
     pub daemon: Option<DaemonConfig>,
 }
@@ -56,31 +59,19 @@ impl Config {
         if let Some(description) = &description {
             gatherer.refuse(placement::check(description));
         }
-        // Without a rig there is nothing to mesh; what is wrong with the rig is reported above.
-        let rod = gatherer.section::<RodConfig>("rod", |rod| {
-            let built = description.as_ref().map(|description| rod.build(description));
-            built.and_then(Result::err).unwrap_or_default()
-        });
+        let rod: Option<RodConfig> = gatherer.section("rod", |_| Vec::new());
+        let manipulator = rod
+            .zip(description.as_ref())
+            .and_then(|(rod, description)| gatherer.accept(rod.build(description)));
+        let control = gatherer.section("control", ControlConfig::check);
         let daemon = gatherer.section("daemon", DaemonConfig::check);
         let problems = gatherer.problems;
         match (hardware, description) {
             (Some(hardware), Some(description)) => {
-                Problems::refuse(problems, Self { hardware, description, rod, daemon })
+                Problems::refuse(problems, Self { hardware, description, manipulator, control, daemon })
             }
             _ => Err(Problems::new(problems).expect("what could not be built was refused for a reason")),
         }
-    }
-}
-
-impl Config {
-    /// The model of the manipulator.
-    ///
-    /// # Errors
-    /// `[rod]` is missing.
-    pub fn manipulator(&self, document: &Document) -> Result<Manipulator, Problems> {
-        let rod = document.require("rod", &self.rod)?;
-        let built = rod.build(&self.description);
-        built.map_err(|refused| Problems::new(document.refuse(refused)).expect("a refusal has a reason"))
     }
 }
 
@@ -104,7 +95,7 @@ impl Gatherer<'_> {
     }
 
     /// A section that a file may leave out: a rig can be described without being steered.
-    fn section<T: DeserializeOwned>(&mut self, key: &str, check: impl Fn(&T) -> Vec<Invalid>) -> Option<T> {
+    fn section<T: DeserializeOwned>(&mut self, key: &str, check: fn(&T) -> Vec<Invalid>) -> Option<T> {
         if !self.document.has(key) {
             return None;
         }

@@ -1,0 +1,155 @@
+//! Where a rig's channels live: the rig's name and the root directory that all its participants share.
+
+use std::fs::DirBuilder;
+use std::io;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use iceoryx2::prelude::{Config, FileName, Node, NodeBuilder, SemanticString, SignalHandlingMode, ipc};
+use sha2::{Digest, Sha256};
+
+use super::error::ChannelError;
+
+/// Environment variable that names the root directory when no argument does.
+pub const ROOT_VARIABLE: &str = "MAGSTEER_ROOT";
+
+/// The transport's sockets and file names leave this much for the root, bytes.
+const ROOT_LENGTH_MAX: usize = 65;
+
+/// The transport's version stands in every file name: two versions must never share a segment.
+const TRANSPORT_VERSION: &str = "0100";
+
+/// A rig and the root directory under which its channels meet.
+///
+/// All participants must run under one user and name one root: two roots are two separate worlds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Endpoint {
+    rig: String,
+    root: PathBuf,
+}
+
+impl Endpoint {
+    /// The channels of `rig` under `root`; without one under `$MAGSTEER_ROOT`, else `/dev/shm/magsteer-UID`.
+    /// Creates the directory, for this user alone, when it is missing.
+    ///
+    /// # Errors
+    /// When the name is not a rig's, or the directory cannot be made, is too long or (the default one) belongs to
+    /// somebody else.
+    pub fn new(rig: &str, root: Option<&Path>) -> Result<Self, ChannelError> {
+        let allowed = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
+        if rig.is_empty() || rig.len() > 40 || !rig.chars().all(allowed) {
+            return Err(ChannelError::RigName { name: rig.to_owned() });
+        }
+        let named = root.map(Path::to_owned).or_else(|| {
+            let value = std::env::var_os(ROOT_VARIABLE)?;
+            (!value.is_empty()).then(|| PathBuf::from(value))
+        });
+        let root = match named {
+            Some(root) => usable_directory(root, false)?,
+            None => usable_directory(default_root(), true)?,
+        };
+        let length = root.as_os_str().len();
+        if length > ROOT_LENGTH_MAX {
+            return Err(ChannelError::RootTooLong { path: root, length, length_max: ROOT_LENGTH_MAX });
+        }
+        Ok(Self { rig: rig.to_owned(), root })
+    }
+
+    /// Name of the rig.
+    #[must_use]
+    pub fn rig(&self) -> &str {
+        &self.rig
+    }
+
+    /// The root directory, absolute.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Full name of one of the rig's services.
+    pub(super) fn service(&self, channel: &str) -> String {
+        format!("magsteer/{}/{channel}", self.rig)
+    }
+
+    /// Joins the transport under this root. `connection_wait` is how long a port may wait for another process to
+    /// finish making its half of a connection; zero where a control loop owns the ports.
+    pub(super) fn node(&self, connection_wait: Duration) -> Result<Node<ipc::Service>, ChannelError> {
+        let config = self.config(connection_wait)?;
+        super::service::retried("node", || {
+            NodeBuilder::new()
+                .signal_handling_mode(SignalHandlingMode::Disabled)
+                .config(&config)
+                .create::<ipc::Service>()
+        })
+    }
+
+    fn config(&self, connection_wait: Duration) -> Result<Config, ChannelError> {
+        let root_bytes = self.root.as_os_str().as_encoded_bytes();
+        let unusable = |_| ChannelError::Root {
+            path: self.root.clone(),
+            source: io::Error::from(io::ErrorKind::InvalidFilename),
+        };
+        // Segments lie flat in /dev/shm: the prefix keeps roots apart there.
+        let digest = Sha256::digest(root_bytes);
+        let prefix = format!(
+            "magsteer{TRANSPORT_VERSION}_{:02x}{:02x}{:02x}{:02x}_",
+            digest[0], digest[1], digest[2], digest[3]
+        );
+        let mut config = Config::default();
+        config.global.prefix = FileName::new(prefix.as_bytes()).map_err(unusable)?;
+        config.global.set_root_path(&iceoryx2::prelude::Path::new(root_bytes).map_err(unusable)?);
+        config.global.creation_timeout = connection_wait;
+        Ok(config)
+    }
+}
+
+fn default_root() -> PathBuf {
+    PathBuf::from(format!("/dev/shm/magsteer-{}", rustix::process::getuid().as_raw()))
+}
+
+fn usable_directory(root: PathBuf, own: bool) -> Result<PathBuf, ChannelError> {
+    let refused = |source| ChannelError::Root { path: root.clone(), source };
+    DirBuilder::new().recursive(true).mode(0o700).create(&root).map_err(refused)?;
+    let absolute = root.canonicalize().map_err(refused)?;
+    if own {
+        let owner = absolute.metadata().map_err(refused)?.uid();
+        if owner != rustix::process::getuid().as_raw() || absolute != root {
+            return Err(refused(io::Error::from(io::ErrorKind::PermissionDenied)));
+        }
+    }
+    Ok(absolute)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::{ChannelError, Endpoint};
+
+    #[test]
+    fn rig_names_outside_their_alphabet_are_refused() {
+        let root = tempfile::tempdir().expect("a directory");
+        for name in ["", "Big", "a b", "a/b", "ä", &"x".repeat(41)] {
+            let refused = Endpoint::new(name, Some(root.path()));
+            assert!(matches!(refused, Err(ChannelError::RigName { .. })), "{name:?}");
+        }
+    }
+
+    #[test]
+    fn missing_root_is_made_and_an_overlong_one_is_refused_with_its_length() {
+        let root = tempfile::tempdir().expect("a directory");
+        let endpoint = Endpoint::new("rig", Some(&root.path().join("a/b"))).expect("made");
+        assert!(endpoint.root().is_dir());
+        let refused = Endpoint::new("rig", Some(&root.path().join("x".repeat(70)))).expect_err("too long");
+        assert!(refused.to_string().contains("must be at most 65"), "{refused}");
+    }
+
+    #[test]
+    fn root_that_cannot_be_made_is_refused_with_its_path() {
+        let refused =
+            Endpoint::new("rig", Some(Path::new("/proc/magsteer"))).expect_err("no directory there");
+        assert!(refused.to_string().starts_with("channel root /proc/magsteer: "), "{refused}");
+    }
+}

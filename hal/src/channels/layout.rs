@@ -1,0 +1,116 @@
+//! A hash over the memory layout of every message, stated with each service: the transport compares a type's
+//! name and size alone, and would let two builds with swapped fields talk.
+
+use std::mem::{align_of, offset_of, size_of};
+
+use sha2::{Digest, Sha256};
+
+use crate::message::{Actuation, CoilCommand, CoilFeedback, Header, MagnetPose, PoseMessage, SCHEMA};
+use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage};
+
+/// Renders name, size, alignment and every field's offset. The destructuring stops the build when a field is missing.
+macro_rules! layout {
+    ($text:ident, $type:ident { $($field:ident),+ $(,)? }) => {
+        let _every_field_is_named = |$type { $($field: _),+ }: $type| ();
+        $text.push_str(&format!("{} {} {}", stringify!($type), size_of::<$type>(), align_of::<$type>()));
+        $($text.push_str(&format!(" {}@{}", stringify!($field), offset_of!($type, $field)));)+
+        $text.push('\n');
+    };
+}
+
+/// The layouts of all messages as text.
+fn layouts() -> String {
+    let mut text = format!("schema {SCHEMA}\n");
+    layout!(
+        text,
+        Header { sequence, source_stamp_ns, publish_stamp_ns, epoch, schema, flags, valid_until_ns }
+    );
+    layout!(text, MagnetPose { position_m, orientation_xyzw, valid, reserved });
+    layout!(text, PoseMessage { header, magnet_count, reserved, magnets });
+    layout!(text, Actuation { current_a, angle_rad });
+    layout!(
+        text,
+        CoilCommand { header, token, order, coil_count, pose_parameter_count, reserved, actuation }
+    );
+    layout!(
+        text,
+        CoilFeedback {
+            header,
+            accepted_sequence,
+            accepted_epoch,
+            description_fingerprint,
+            commands_refused,
+            limit_breaks,
+            state,
+            fault,
+            coil_count,
+            pose_parameter_count,
+            measured,
+        }
+    );
+    layout!(text, OperatorRequest { verb, magnet_count, direction });
+    layout!(text, OperatorAnswer { accepted, cause, state, reserved, epoch });
+    layout!(
+        text,
+        StatusMessage {
+            header,
+            state,
+            cause,
+            cycle,
+            missed,
+            rate_hz,
+            rate_measured_hz,
+            lateness_us,
+            lateness_max_us,
+            pose_age_us,
+            magnet_count,
+            coil_count,
+            pose_parameter_count,
+            model_converged,
+            target_direction,
+            desired_direction,
+            measured_direction,
+            predicted_direction,
+            measured,
+            admitted,
+        }
+    );
+    text
+}
+
+/// First eight bytes of the SHA-256 of the layouts, in hexadecimal.
+pub(super) fn schema_hash() -> String {
+    Sha256::digest(layouts().as_bytes()).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{layouts, schema_hash};
+
+    #[test]
+    fn layouts_have_no_implicit_padding() {
+        // Sizes that follow from the fields alone; a hole would make them larger.
+        let sizes = [
+            ("Header", 5 * 8 + 2 * 4),
+            ("MagnetPose", 7 * 8 + 2 * 4),
+            ("PoseMessage", 48 + 8 + 8 * 64),
+            ("Actuation", 40 * 8),
+            ("CoilCommand", 48 + 8 + 4 * 4 + 320),
+            ("CoilFeedback", 48 + 5 * 8 + 4 * 4 + 320),
+            ("OperatorRequest", 8 + 8 * 24),
+            ("OperatorAnswer", 4 * 4 + 8),
+            ("StatusMessage", 48 + 8 + 7 * 8 + 4 * 4 + 4 * 192 + 2 * 320),
+        ];
+        let text = layouts();
+        for (name, size) in sizes {
+            assert!(text.contains(&format!("\n{name} {size} 8 ")), "{name}: expected {size} in\n{text}");
+        }
+    }
+
+    #[test]
+    fn schema_hash_is_sixteen_hexadecimal_digits() {
+        let hash = schema_hash();
+        assert_eq!(hash.len(), 16);
+        assert!(hash.chars().all(|digit| digit.is_ascii_hexdigit()));
+    }
+}

@@ -1,0 +1,29 @@
+//! Both ends of a rig's channels, on iceoryx2 shared memory. Nothing outside this layer names the transport.
+//!
+//! | channel | from, to | kind | end here |
+//! |---|---|---|---|
+//! | `pose`, `coil/feedback` | driver to daemon | newest value | [`DriverEnd`] creates, [`DaemonEnd`] opens |
+//! | `coil/command` | daemon to driver | newest value | as above |
+//! | `sim/truth` | simulated plant to whoever looks | stream | [`DriverEnd`], [`TruthObserver`] |
+//! | `target/set`, `request` | operator to daemon | request and answer | [`OperatorServer`], [`OperatorClient`] |
+//! | `status` | daemon to whoever looks | stream | as above |
+//!
+//! Rules: a rig has one driver and one daemon, held by lock files that die with their process; either may restart at
+//! any time, killed or not, and meets the other again without anybody clearing anything up. Nothing here waits except
+//! opening, which is bounded. Per sent message the transport allocates once; receiving allocates nothing.
+
+mod daemon;
+mod driver;
+mod endpoint;
+mod error;
+mod layout;
+mod lock;
+mod operator;
+mod ports;
+mod service;
+
+pub use daemon::{DaemonEnd, DaemonServices};
+pub use driver::{DriverEnd, DriverServices};
+pub use endpoint::{Endpoint, ROOT_VARIABLE};
+pub use error::{ChannelError, ClientError, Role};
+pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServices, TruthObserver};

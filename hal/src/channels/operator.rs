@@ -1,0 +1,244 @@
+//! Operators and the daemon: requests with answers, and the status that anyone may watch.
+
+use std::fmt::{self, Debug};
+use std::time::{Duration, Instant};
+
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::port::client::Client;
+use iceoryx2::port::server::Server;
+use iceoryx2::prelude::{Node, ipc};
+
+use super::endpoint::Endpoint;
+use super::error::{ChannelError, ClientError, Role};
+use super::ports::{Inlet, Outlet};
+use super::service::{
+    REQUEST, Requests, STATUS, TARGET_SET, TRUTH, Topic, Wait, create_requests, create_topic, open_requests,
+    open_topic, retried,
+};
+use crate::hardware::WriteError;
+use crate::message::PoseMessage;
+use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
+use crate::send::HeaderWriter;
+use crate::time::Stamp;
+
+type RequestServer = Server<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>;
+type RequestClient = Client<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>;
+
+/// None of these ports belong to a control loop: they may wait for a connection to form.
+const CONNECTION_WAIT: Duration = Duration::from_millis(100);
+
+/// The daemon's services for operators, made but not yet joined: may move to the thread that serves them.
+#[derive(Debug)]
+pub struct OperatorServices {
+    node: Node<ipc::Service>,
+    request: Requests,
+    target_set: Requests,
+    status: Topic<StatusMessage>,
+}
+
+impl OperatorServices {
+    /// Makes the services.
+    ///
+    /// # Errors
+    /// When the transport fails.
+    pub fn create(endpoint: &Endpoint) -> Result<Self, ChannelError> {
+        let node = endpoint.node(CONNECTION_WAIT)?;
+        Ok(Self {
+            request: create_requests(&node, endpoint, REQUEST)?,
+            target_set: create_requests(&node, endpoint, TARGET_SET)?,
+            status: create_topic(&node, endpoint, STATUS)?,
+            node,
+        })
+    }
+
+    /// Joins the services; call it on the thread that serves operators, which must not be the control loop's.
+    ///
+    /// # Errors
+    /// When another process serves this rig's operators, or the transport fails.
+    pub fn into_server(self) -> Result<OperatorServer, ChannelError> {
+        Ok(OperatorServer {
+            request: retried(REQUEST, || self.request.server_builder().create())?,
+            target_set: retried(TARGET_SET, || self.target_set.server_builder().create())?,
+            status: Outlet::new(self.status)?,
+            header: HeaderWriter::new(Stamp::now().nanoseconds().max(1)),
+            _node: self.node,
+        })
+    }
+}
+
+/// Serves operators. Belongs to the thread that made it.
+#[derive(Debug)]
+pub struct OperatorServer {
+    request: RequestServer,
+    target_set: RequestServer,
+    status: Outlet<StatusMessage>,
+    header: HeaderWriter,
+    _node: Node<ipc::Service>,
+}
+
+impl OperatorServer {
+    /// The next request that waits for an answer, from either service; never waits itself.
+    pub fn next_request(&mut self) -> Option<IncomingRequest> {
+        // A server that fails to connect to one client still serves the others.
+        let received = |server: &RequestServer| server.receive().unwrap_or(None);
+        received(&self.request)
+            .or_else(|| received(&self.target_set))
+            .map(|active| IncomingRequest { active })
+    }
+
+    /// Publishes the status, filling in sequence, epoch, schema and publish stamp.
+    ///
+    /// # Errors
+    /// When the transport refuses.
+    pub fn publish_status(&mut self, mut status: StatusMessage, now: Stamp) -> Result<(), WriteError> {
+        self.header.write(&mut status.header, now);
+        self.status.send(status, now)
+    }
+}
+
+/// A request that waits for its answer. Dropped without one, it counts as not done.
+pub struct IncomingRequest {
+    active: ActiveRequest<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>,
+}
+
+impl Debug for IncomingRequest {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("IncomingRequest").field("request", self.request()).finish_non_exhaustive()
+    }
+}
+
+impl IncomingRequest {
+    /// What is asked for, unchecked.
+    #[must_use]
+    pub fn request(&self) -> &OperatorRequest {
+        self.active.payload()
+    }
+
+    /// Answers.
+    ///
+    /// # Errors
+    /// When the transport refuses; the operator then sees no answer.
+    pub fn answer(self, answer: OperatorAnswer) -> Result<(), WriteError> {
+        self.active.send_copy(answer).map_err(|_| WriteError::Transport)
+    }
+}
+
+/// An operator's end: sends requests and watches the status. Belongs to the thread that made it.
+#[derive(Debug)]
+pub struct OperatorClient {
+    request_service: Requests,
+    target_set_service: Requests,
+    status: Inlet<StatusMessage>,
+    newest: Option<StatusMessage>,
+    _node: Node<ipc::Service>,
+}
+
+impl OperatorClient {
+    /// Finds the rig's daemon, for which it waits up to `wait`.
+    ///
+    /// # Errors
+    /// When no daemon appears in time, or the transport fails.
+    pub fn open(endpoint: &Endpoint, wait: Duration) -> Result<Self, ChannelError> {
+        let node = endpoint.node(CONNECTION_WAIT)?;
+        let wait = Wait::new(wait);
+        let request_service = open_requests(&node, endpoint, REQUEST, &wait)?;
+        let target_set_service = open_requests(&node, endpoint, TARGET_SET, &wait)?;
+        let status = open_topic(&node, endpoint, STATUS, Role::Daemon, &wait)?;
+        Ok(Self {
+            request_service,
+            target_set_service,
+            status: Inlet::new(status, STATUS.buffer)?,
+            newest: None,
+            _node: node,
+        })
+    }
+
+    /// Sends a request and waits for its answer. Without an answer it must be taken as not done.
+    ///
+    /// # Errors
+    /// When no daemon serves requests, none answers within `timeout`, or the transport fails.
+    pub fn send(
+        &mut self,
+        request: OperatorRequest,
+        timeout: Duration,
+    ) -> Result<OperatorAnswer, ClientError> {
+        let (service, name) = if request.verb == verb::SET_TARGET {
+            (&self.target_set_service, TARGET_SET)
+        } else {
+            (&self.request_service, REQUEST)
+        };
+        // A client of its own for each request: an answer that comes late has nowhere to go.
+        let client = retried(name, || service.client_builder().create())
+            .map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
+        await_answer(&client, request, timeout)
+    }
+
+    /// The status published last, as far as it has arrived; `None` before the first.
+    pub fn newest_status(&mut self, now: Stamp) -> Option<StatusMessage> {
+        let Self { status, newest, .. } = self;
+        // What cannot be received is not new: the former status stays, with its age.
+        let _ = status.drain(now, |message| *newest = Some(*message));
+        self.newest
+    }
+
+    /// Hands over every status that arrived since the former call, oldest first, up to a queue of 64.
+    pub fn drain_status(&mut self, now: Stamp, mut take: impl FnMut(&StatusMessage)) {
+        let Self { status, newest, .. } = self;
+        // As above.
+        let _ = status.drain(now, |message| {
+            *newest = Some(*message);
+            take(message);
+        });
+    }
+}
+
+fn await_answer(
+    client: &RequestClient,
+    request: OperatorRequest,
+    timeout: Duration,
+) -> Result<OperatorAnswer, ClientError> {
+    let start = Instant::now();
+    let pending =
+        client.send_copy(request).map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
+    if pending.number_of_server_connections() == 0 {
+        return Err(ClientError::NoDaemon);
+    }
+    loop {
+        // Asked before receiving: an answer sent just before the server let go must not be missed.
+        let is_connected = pending.is_connected();
+        match pending.receive() {
+            Ok(Some(answer)) => return Ok(*answer),
+            Ok(None) => (),
+            Err(error) => return Err(ClientError::Transport { cause: Box::new(error) }),
+        }
+        if !is_connected || start.elapsed() >= timeout {
+            return Err(ClientError::NoAnswer { timeout });
+        }
+        std::thread::sleep(Duration::from_micros(500));
+    }
+}
+
+/// Watches the true poses of a simulated plant. Belongs to the thread that made it.
+#[derive(Debug)]
+pub struct TruthObserver {
+    truth: Inlet<PoseMessage>,
+    _node: Node<ipc::Service>,
+}
+
+impl TruthObserver {
+    /// Finds the rig's driver, for which it waits up to `wait`.
+    ///
+    /// # Errors
+    /// When no driver appears in time, or the transport fails.
+    pub fn open(endpoint: &Endpoint, wait: Duration) -> Result<Self, ChannelError> {
+        let node = endpoint.node(CONNECTION_WAIT)?;
+        let truth = open_topic(&node, endpoint, TRUTH, Role::Driver, &Wait::new(wait))?;
+        Ok(Self { truth: Inlet::new(truth, TRUTH.buffer)?, _node: node })
+    }
+
+    /// Hands over every message that arrived since the former call, oldest first, up to a queue of 512.
+    pub fn drain(&mut self, now: Stamp, take: impl FnMut(&PoseMessage)) {
+        // What cannot be received is not new.
+        let _ = self.truth.drain(now, take);
+    }
+}

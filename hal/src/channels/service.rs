@@ -1,0 +1,223 @@
+//! Making and opening services: settings in one table, bounded retries, and a check of what was found.
+
+use std::error::Error;
+use std::time::{Duration, Instant};
+
+use iceoryx2::prelude::{AttributeVerifier, IceoryxSend, Node, PortFactory, ServiceName, ZeroCopySend, ipc};
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+use iceoryx2::service::builder::request_response::RequestResponseOpenError;
+use iceoryx2::service::port_factory::{publish_subscribe, request_response};
+
+use super::endpoint::Endpoint;
+use super::error::{ChannelError, Role};
+use super::layout::schema_hash;
+use crate::operator::{OperatorAnswer, OperatorRequest};
+
+/// A publish-subscribe service.
+pub(super) type Topic<T> = publish_subscribe::PortFactory<ipc::Service, T, ()>;
+/// A request-response service between operators and the daemon.
+pub(super) type Requests =
+    request_response::PortFactory<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>;
+
+/// How long one step of opening may be tried again: another process may be half-way through making
+/// or clearing up the same thing.
+const RETRY_TIME: Duration = Duration::from_secs(3);
+const RETRY_PAUSE: Duration = Duration::from_millis(10);
+
+/// Settings of a publish-subscribe service.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TopicSettings {
+    pub(super) channel: &'static str,
+    /// Messages kept for a subscriber that joins late.
+    pub(super) history: usize,
+    /// Longest queue of a subscriber.
+    pub(super) buffer: usize,
+    pub(super) publishers: usize,
+    pub(super) subscribers: usize,
+}
+
+pub(super) const POSE: TopicSettings =
+    TopicSettings { channel: "pose", history: 1, buffer: 64, publishers: 1, subscribers: 4 };
+pub(super) const FEEDBACK: TopicSettings =
+    TopicSettings { channel: "coil/feedback", history: 1, buffer: 64, publishers: 1, subscribers: 4 };
+/// No history: a command for a former driver must not reach the next one.
+pub(super) const COMMAND: TopicSettings =
+    TopicSettings { channel: "coil/command", history: 0, buffer: 1, publishers: 1, subscribers: 2 };
+pub(super) const TRUTH: TopicSettings =
+    TopicSettings { channel: "sim/truth", history: 1, buffer: 512, publishers: 1, subscribers: 4 };
+pub(super) const STATUS: TopicSettings =
+    TopicSettings { channel: "status", history: 1, buffer: 64, publishers: 2, subscribers: 16 };
+
+pub(super) const REQUEST: &str = "request";
+pub(super) const TARGET_SET: &str = "target/set";
+
+/// Opens the service, or makes it when it does not exist.
+pub(super) fn create_topic<T: IceoryxSend + ZeroCopySend + std::fmt::Debug + 'static>(
+    node: &Node<ipc::Service>,
+    endpoint: &Endpoint,
+    settings: TopicSettings,
+) -> Result<Topic<T>, ChannelError> {
+    let name = endpoint.service(settings.channel);
+    let (service, attributes) = (service_name(&name)?, attributes(&name)?);
+    let topic = retried(&name, || {
+        node.service_builder(&service)
+            .publish_subscribe::<T>()
+            .enable_safe_overflow(true)
+            .history_size(settings.history)
+            .subscriber_max_buffer_size(settings.buffer)
+            .subscriber_max_borrowed_samples(1)
+            .max_publishers(settings.publishers)
+            .max_subscribers(settings.subscribers)
+            .max_nodes(settings.publishers + settings.subscribers + 4)
+            .open_or_create_with_attributes(&attributes)
+    })?;
+    check_settings(topic, &name, settings)
+}
+
+/// Opens the service, waiting until `deadline` for whoever has `role` to make it.
+pub(super) fn open_topic<T: IceoryxSend + ZeroCopySend + std::fmt::Debug + 'static>(
+    node: &Node<ipc::Service>,
+    endpoint: &Endpoint,
+    settings: TopicSettings,
+    role: Role,
+    wait: &Wait,
+) -> Result<Topic<T>, ChannelError> {
+    let name = endpoint.service(settings.channel);
+    let (service, attributes) = (service_name(&name)?, attributes(&name)?);
+    let missing =
+        |error: &PublishSubscribeOpenError| matches!(error, PublishSubscribeOpenError::DoesNotExist);
+    let topic = wait.opened(endpoint, &name, role, missing, || {
+        node.service_builder(&service).publish_subscribe::<T>().open_with_attributes(&attributes)
+    })?;
+    check_settings(topic, &name, settings)
+}
+
+/// Opens a request service, or makes it when it does not exist.
+pub(super) fn create_requests(
+    node: &Node<ipc::Service>,
+    endpoint: &Endpoint,
+    channel: &str,
+) -> Result<Requests, ChannelError> {
+    let name = endpoint.service(channel);
+    let (service, attributes) = (service_name(&name)?, attributes(&name)?);
+    retried(&name, || {
+        node.service_builder(&service)
+            .request_response::<OperatorRequest, OperatorAnswer>()
+            // A request whose sender no longer waits counts as not done.
+            .enable_fire_and_forget_requests(false)
+            .max_servers(1)
+            .max_clients(16)
+            .max_nodes(20)
+            .open_or_create_with_attributes(&attributes)
+    })
+}
+
+/// Opens a request service, waiting until `deadline` for the daemon to make it.
+pub(super) fn open_requests(
+    node: &Node<ipc::Service>,
+    endpoint: &Endpoint,
+    channel: &str,
+    wait: &Wait,
+) -> Result<Requests, ChannelError> {
+    let name = endpoint.service(channel);
+    let (service, attributes) = (service_name(&name)?, attributes(&name)?);
+    let missing = |error: &RequestResponseOpenError| matches!(error, RequestResponseOpenError::DoesNotExist);
+    wait.opened(endpoint, &name, Role::Daemon, missing, || {
+        node.service_builder(&service)
+            .request_response::<OperatorRequest, OperatorAnswer>()
+            .open_with_attributes(&attributes)
+    })
+}
+
+/// How long to wait for the other side, counted from one start for all its services.
+#[derive(Debug)]
+pub(super) struct Wait {
+    start: Instant,
+    duration: Duration,
+}
+
+impl Wait {
+    pub(super) fn new(duration: Duration) -> Self {
+        Self { start: Instant::now(), duration }
+    }
+
+    fn opened<T, E: Error + Send + Sync + 'static>(
+        &self,
+        endpoint: &Endpoint,
+        service: &str,
+        role: Role,
+        missing: impl Fn(&E) -> bool,
+        mut attempt: impl FnMut() -> Result<T, E>,
+    ) -> Result<T, ChannelError> {
+        let mut failed_since: Option<Instant> = None;
+        loop {
+            let error = match attempt() {
+                Ok(opened) => return Ok(opened),
+                Err(error) => error,
+            };
+            if missing(&error) {
+                failed_since = None;
+                if self.start.elapsed() >= self.duration {
+                    let (rig, root) = (endpoint.rig().to_owned(), endpoint.root().to_owned());
+                    return Err(ChannelError::Missing { rig, role, root, waited: self.duration });
+                }
+            } else if failed_since.get_or_insert_with(Instant::now).elapsed() >= RETRY_TIME {
+                return Err(transport(service, error));
+            }
+            std::thread::sleep(RETRY_PAUSE);
+        }
+    }
+}
+
+/// Tries again for a bounded time: files of dead processes are being cleared up, or made, by somebody else.
+pub(super) fn retried<T, E: Error + Send + Sync + 'static>(
+    service: &str,
+    mut attempt: impl FnMut() -> Result<T, E>,
+) -> Result<T, ChannelError> {
+    let start = Instant::now();
+    loop {
+        match attempt() {
+            Ok(made) => return Ok(made),
+            Err(error) if start.elapsed() >= RETRY_TIME => return Err(transport(service, error)),
+            Err(_) => std::thread::sleep(RETRY_PAUSE),
+        }
+    }
+}
+
+pub(super) fn transport(service: &str, error: impl Error + Send + Sync + 'static) -> ChannelError {
+    ChannelError::Transport { service: service.to_owned(), cause: Box::new(error) }
+}
+
+/// The transport takes settings for least values when it opens a service: what was found must be what is meant,
+/// above all the number of publishers, which makes a daemon the only one.
+fn check_settings<T: IceoryxSend + std::fmt::Debug + 'static>(
+    topic: Topic<T>,
+    service: &str,
+    settings: TopicSettings,
+) -> Result<Topic<T>, ChannelError> {
+    let found = topic.static_config();
+    let pairs = [
+        ("number of publishers", settings.publishers, found.max_publishers()),
+        ("number of subscribers", settings.subscribers, found.max_subscribers()),
+        ("history", settings.history, found.history_size()),
+        ("queue", settings.buffer, found.subscriber_max_buffer_size()),
+    ];
+    match pairs.into_iter().find(|(_, expected, actual)| expected != actual) {
+        Some((setting, expected, actual)) => {
+            Err(ChannelError::Settings { service: service.to_owned(), setting, expected, actual })
+        }
+        None => Ok(topic),
+    }
+}
+
+fn service_name(name: &str) -> Result<ServiceName, ChannelError> {
+    ServiceName::new(name).map_err(|error| transport(name, error))
+}
+
+fn attributes(service: &str) -> Result<AttributeVerifier, ChannelError> {
+    let key = AttributeKey::try_from("magsteer-schema").map_err(|error| transport(service, error))?;
+    let hash = schema_hash();
+    let value = AttributeValue::try_from(hash.as_str()).map_err(|error| transport(service, error))?;
+    AttributeVerifier::new().require(&key, &value).map_err(|error| transport(service, error))
+}

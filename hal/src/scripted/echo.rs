@@ -1,0 +1,131 @@
+//! An ideal rig: measured currents and angles equal the guard's set point, poses are what the test says.
+
+use crate::description::HardwareDescription;
+use crate::gate::AdmittedCommand;
+use crate::guard::CommandGuard;
+use crate::hardware::{Hardware, Sensed, WriteError};
+use crate::message::{CoilFeedback, MAGNETS_MAX, MagnetPose, POSE_PARAMETERS_MAX, PoseMessage};
+use crate::receive::{FeedbackReceiver, PoseReceiver};
+use crate::send::{CommandWriter, HeaderWriter, count};
+use crate::time::Stamp;
+
+/// [`Hardware`] whose driver is a [`CommandGuard`] with ideal amplifiers, stepped by the stamps given to `read`.
+///
+/// The first read starts its clock and finds nothing; every later one at which time has passed brings fresh messages.
+#[derive(Debug, Clone)]
+pub struct EchoHardware {
+    guard: CommandGuard,
+    clock: Option<Stamp>,
+    poses: [MagnetPose; MAGNETS_MAX],
+    magnet_count: u32,
+    fault: u32,
+    pose_header: HeaderWriter,
+    feedback_header: HeaderWriter,
+    injected_pose: Option<PoseMessage>,
+    injected_feedback: Option<CoilFeedback>,
+    is_silent: bool,
+    pose: PoseReceiver,
+    feedback: FeedbackReceiver,
+    writer: CommandWriter,
+}
+
+impl EchoHardware {
+    /// An ideal rig for `description`, its frames at angle zero and its magnets at the origin along z.
+    #[must_use]
+    pub fn new(description: &HardwareDescription) -> Self {
+        let upright =
+            MagnetPose { orientation_xyzw: [0.0, 0.0, 0.0, 1.0], valid: 1, ..MagnetPose::default() };
+        Self {
+            guard: CommandGuard::new(description, &[0.0; POSE_PARAMETERS_MAX]),
+            clock: None,
+            poses: [upright; MAGNETS_MAX],
+            magnet_count: count(description.magnets().count(), MAGNETS_MAX),
+            fault: 0,
+            pose_header: HeaderWriter::new(1),
+            feedback_header: HeaderWriter::new(1),
+            injected_pose: None,
+            injected_feedback: None,
+            is_silent: false,
+            pose: PoseReceiver::new(description),
+            feedback: FeedbackReceiver::new(description),
+            writer: CommandWriter::new(description),
+        }
+    }
+
+    /// Where the sensor sees each magnet from now on; magnets past the given ones stay.
+    pub fn set_poses(&mut self, poses: &[MagnetPose]) {
+        for (seen, pose) in self.poses.iter_mut().zip(poses) {
+            *seen = *pose;
+        }
+    }
+
+    /// From now on the driver reports this fault and, unless it is 0, cuts its amplifiers.
+    pub fn set_fault(&mut self, fault: u32) {
+        self.fault = fault;
+        if fault != 0 {
+            self.guard.trip();
+        }
+    }
+
+    /// From now on the driver publishes nothing (or does again); it goes on obeying.
+    pub const fn set_silent(&mut self, is_silent: bool) {
+        self.is_silent = is_silent;
+    }
+
+    /// The next read receives exactly these poses.
+    pub const fn inject_pose(&mut self, message: PoseMessage) {
+        self.injected_pose = Some(message);
+    }
+
+    /// The next read receives exactly this feedback.
+    pub const fn inject_feedback(&mut self, message: CoilFeedback) {
+        self.injected_feedback = Some(message);
+    }
+
+    /// The driver's guard, with its counts.
+    #[must_use]
+    pub const fn guard(&self) -> &CommandGuard {
+        &self.guard
+    }
+
+    fn step(&mut self, now: Stamp) -> (Option<PoseMessage>, Option<CoilFeedback>) {
+        let elapsed = self.clock.map(|clock| now.since(clock));
+        self.clock = Some(now);
+        let Some(elapsed) = elapsed.filter(|elapsed| !elapsed.is_zero()) else {
+            return (None, None);
+        };
+        let setpoint = self.guard.setpoint(now, elapsed.as_secs_f64());
+        if self.is_silent {
+            return (None, None);
+        }
+        let mut pose =
+            PoseMessage { magnet_count: self.magnet_count, magnets: self.poses, ..PoseMessage::default() };
+        pose.header.source_stamp_ns = now.nanoseconds();
+        self.pose_header.write(&mut pose.header, now);
+        let mut feedback =
+            CoilFeedback { fault: self.fault, measured: *setpoint.actuation(), ..CoilFeedback::default() };
+        feedback.header.source_stamp_ns = now.nanoseconds();
+        self.feedback_header.write(&mut feedback.header, now);
+        self.guard.report(&mut feedback);
+        (Some(pose), Some(feedback))
+    }
+}
+
+impl Hardware for EchoHardware {
+    fn read(&mut self, now: Stamp) -> Sensed {
+        let (pose, feedback) = self.step(now);
+        let pose = self.injected_pose.take().or(pose);
+        let feedback = self.injected_feedback.take().or(feedback);
+        Sensed {
+            pose: self.pose.receive(pose.as_ref(), now),
+            feedback: self.feedback.receive(feedback.as_ref(), now),
+        }
+    }
+
+    fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {
+        let message = self.writer.message(command, now);
+        // A driver that refuses says so in its feedback alone, as a remote one would.
+        let _ = self.guard.offer(&message, now);
+        Ok(())
+    }
+}
