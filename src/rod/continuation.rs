@@ -148,7 +148,8 @@ impl Manipulator {
             let trial = self.newton(&whole.part(phase, target).loading(), &unknowns, mode.poses, pass);
             solution.passes += trial.passes;
             solution.iterations += trial.iterations;
-            let verdict = pace.judge(trial.converged(), least_cosine(pass), pass.determinant, target - *reached);
+            let verdict =
+                pace.judge(trial.converged(), least_cosine(pass), pass.determinant, target - *reached);
             if verdict != Verdict::Rejected {
                 *reached = target;
                 unknowns = pass.unknowns;

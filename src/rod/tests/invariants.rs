@@ -41,8 +41,7 @@ fn without_load_a_precurved_rod_keeps_its_curve() {
     let mut part = section(1.0, 1.0, 0.7);
     part.precurvature = [0.0, std::f64::consts::FRAC_PI_2, 0.0];
     let rod = description(UPRIGHT, [0.0; 3], vec![PartDescription::Section(part)]);
-    let pass =
-        solved(&build(&rod, 0.01), &uniform(Vector3::zeros()), &TipLoad::NONE, PassMode::default());
+    let pass = solved(&build(&rod, 0.01), &uniform(Vector3::zeros()), &TipLoad::NONE, PassMode::default());
     let radius = 2.0 / std::f64::consts::PI;
     assert!((pass.tip_position() - Vector3::new(radius, 0.0, radius)).norm() < 1e-8);
     assert!((pass.tip_tangent() - Vector3::x()).norm() < 1e-8);
@@ -78,7 +77,11 @@ fn base_reaction_is_the_sum_of_all_loads() {
     assert!(mass.next().is_none());
     assert!((force - pass.base_force()).norm() < 1e-12 * (1.0 + force.norm()), "{force}");
     // The trapezoidal rule errs by h^2 / 12 of the curvature: some 4e-7 of the moment.
-    assert!((moment - pass.base_moment()).norm() < 1e-6 * moment.norm(), "{moment:?} {:?}", pass.base_moment());
+    assert!(
+        (moment - pass.base_moment()).norm() < 1e-6 * moment.norm(),
+        "{moment:?} {:?}",
+        pass.base_moment()
+    );
 }
 
 #[test]
@@ -127,9 +130,8 @@ fn the_scheme_is_of_fourth_order_in_positions_and_sensitivities() {
             (pass.tip_position(), Vector3::from_fn(|i, _| pass.tangent_jacobian(1)[i][2]))
         };
         let exact = at(256.0);
-        let error = |found: (Vector3<f64>, Vector3<f64>)| {
-            [(found.0 - exact.0).norm(), (found.1 - exact.1).norm()]
-        };
+        let error =
+            |found: (Vector3<f64>, Vector3<f64>)| [(found.0 - exact.0).norm(), (found.1 - exact.1).norm()];
         let (coarse, fine) = (error(at(4.0)), error(at(8.0)));
         for kind in 0..2 {
             let order = (coarse[kind] / fine[kind]).log2();

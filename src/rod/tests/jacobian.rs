@@ -83,7 +83,13 @@ fn difference<F: Steerable>(
         let mut steered = field.clone();
         steered.steer(parameter, offset * step);
         let solution = manipulator.solve(&steered, load, &at.unknowns(), PassMode::default(), scratch);
-        assert!(solution.converged(), "{solution:?} step {step} det {} xi {:?} rows {:?}", at.determinant(), at.unknowns(), at.rotation_jacobian(0));
+        assert!(
+            solution.converged(),
+            "{solution:?} step {step} det {} xi {:?} rows {:?}",
+            at.determinant(),
+            at.unknowns(),
+            at.rotation_jacobian(0)
+        );
         polish(manipulator, &steered, load, scratch);
         for (sum, (there, here)) in sums.iter_mut().zip(scratch.magnets().iter().zip(at.magnets())) {
             let weight = weight / step;

@@ -129,7 +129,8 @@ fn a_fold_stops_the_continuation_with_the_load_that_was_reached() {
                 assert!(matches!(why, Failure::Stalled | Failure::IterationsExhausted), "{why}");
                 assert!(solution.load_reached[1] < 1.0);
                 // The last equilibrium on the way is left behind.
-                let Solved { residual, .. } = residual_at(&manipulator, &field, solution.load_reached[1], &pass);
+                let Solved { residual, .. } =
+                    residual_at(&manipulator, &field, solution.load_reached[1], &pass);
                 assert!(residual <= 1e-9, "{residual}");
                 eprintln!("{} {:?}", pass.determinant(), solution);
             }
@@ -153,8 +154,7 @@ fn residual_at(manipulator: &Manipulator, field: &Dipoles, factor: f64, pass: &P
 fn equilibria_from_rest_do_not_depend_on_how_finely_loads_are_raised() {
     let rod = default_two_magnets();
     let coarse = build(&rod, 3.125e-3);
-    let fine =
-        RodConfig { rotation_step_max_deg: 2.0, ..options(3.125e-3) }.build(&rod).expect("valid");
+    let fine = RodConfig { rotation_step_max_deg: 2.0, ..options(3.125e-3) }.build(&rod).expect("valid");
     let mut random = ChaCha8Rng::seed_from_u64(9);
     let (mut a, mut b) = (Pass::new(&coarse), Pass::new(&fine));
     for _ in 0..20 {
