@@ -6,6 +6,7 @@ use super::check::Check;
 use super::exit::Exit;
 use super::field::Field;
 use super::output;
+use super::shape::Shape;
 
 /// Steers soft continuum manipulators carrying permanent magnets with an array of mobile electromagnets.
 #[derive(Debug, Parser)]
@@ -27,6 +28,7 @@ struct Cli {
 pub enum Command {
     Check(Check),
     Field(Field),
+    Shape(Shape),
 }
 
 impl Command {
@@ -34,6 +36,7 @@ impl Command {
         match self {
             Self::Check(command) => command.run(),
             Self::Field(command) => command.run(),
+            Self::Shape(command) => command.run(),
         }
     }
 }

@@ -9,5 +9,7 @@ mod command;
 mod exit;
 mod field;
 mod output;
+mod shape;
+mod shape_answer;
 
 pub use command::run;
