@@ -8,6 +8,11 @@ mod check;
 mod command;
 mod exit;
 mod field;
+mod operator;
 mod output;
+mod rig_file;
+mod run;
+mod status;
+mod target;
 
 pub use command::run;

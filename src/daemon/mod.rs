@@ -13,6 +13,7 @@
 //! | `statistics` | lossless histograms of timing |
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
+//! | `target` | targets and tangents as people write and read them |
 //! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
@@ -30,6 +31,7 @@ pub mod step_response;
 mod supervisor;
 #[cfg(test)]
 mod supervisor_tests;
+pub mod target;
 mod telemetry;
 mod view;
 mod watch;
