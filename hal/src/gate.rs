@@ -248,3 +248,6 @@ impl Gate {
 fn approach(previous: f64, target: f64, step: f64) -> f64 {
     between(target, previous - step, previous + step)
 }
+
+#[cfg(test)]
+mod tests;

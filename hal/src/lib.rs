@@ -10,6 +10,7 @@
 
 pub mod channels;
 pub mod config;
+pub mod conformance;
 pub mod description;
 pub mod gate;
 pub mod guard;
@@ -20,6 +21,8 @@ pub mod message;
 pub mod operator;
 pub mod receive;
 pub mod scripted;
+#[cfg(test)]
+mod seeded;
 pub mod send;
 pub mod time;
 

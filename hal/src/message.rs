@@ -22,7 +22,7 @@ pub const SCHEMA: u32 = 1;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
 pub struct Header {
-    /// Rises by at least one with every message of a sender's epoch; the first is 1.
+    /// Rises by at least one with every message of a sender's epoch, and is never 0.
     pub sequence: u64,
     /// When the content was true: for a pose, the moment of exposure.
     pub source_stamp_ns: u64,

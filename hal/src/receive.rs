@@ -40,6 +40,7 @@ impl Track {
             return Err(Absent::Expired { late_ns: now.nanoseconds() - header.valid_until_ns });
         }
         match &self.last {
+            Some(last) if header.sequence == 0 => Err(Absent::Sequence { last: last.sequence, actual: 0 }),
             Some(last) if last.epoch == header.epoch && header.sequence <= last.sequence => {
                 Err(Absent::Sequence { last: last.sequence, actual: header.sequence })
             }
@@ -216,3 +217,6 @@ fn check_finite(what: &'static str, values: &[f64]) -> Result<(), Absent> {
         None => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests;

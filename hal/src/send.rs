@@ -49,12 +49,10 @@ impl CommandWriter {
         }
     }
 
-    /// The message for `command`, published at `now`. The sequence restarts at 1 with every epoch.
+    /// The message for `command`, published at `now`. The sequence rises across epochs too.
     pub fn message(&mut self, command: &AdmittedCommand, now: Stamp) -> CoilCommand {
         let authority = command.authority();
-        if authority.epoch != self.header.epoch {
-            self.header = HeaderWriter::new(authority.epoch);
-        }
+        self.header.epoch = authority.epoch;
         let mut message = CoilCommand {
             token: authority.token,
             order: command.order(),
@@ -86,7 +84,7 @@ mod tests {
     use crate::time::Stamp;
 
     #[test]
-    fn sequence_restarts_with_every_claimed_epoch_and_rises_within_it() {
+    fn sequence_starts_at_one_and_rises_within_and_across_epochs() {
         let description = description();
         let (mut gate, mut writer) = (Gate::new(&description), CommandWriter::new(&description));
         let authority = |epoch| Authority { epoch, token: 7, validity: Duration::from_millis(100) };
@@ -95,7 +93,7 @@ mod tests {
             .into_iter()
             .map(|epoch| writer.message(&gate.claim(authority(epoch)), now).header.sequence)
             .collect();
-        assert_eq!(sequences, [1, 2, 1, 2, 3]);
+        assert_eq!(sequences, [1, 2, 3, 4, 5]);
     }
 
     #[test]

@@ -5,8 +5,9 @@
 //! branch connected to rest. A step that fails is halved; one that succeeds with ease doubles the next. Bounded in passes and
 //! in the smallest step; to fail is an outcome that says how far the loads came.
 //!
-//! Where an equilibrium loses stability `det(dr/dxi)` crosses zero ([`Pass::determinant`]). The continuation
-//! reports such a crossing and goes on, since an exactly straight rod stays an equilibrium beyond its buckling load.
+//! Where an equilibrium loses stability `det(dr/dxi)` vanishes ([`Pass::determinant`]): a step that nears such a point
+//! fast, or jumps to where the determinant is much different, is halved, so that an imperfect rod is followed around
+//! the bifurcation. An exactly symmetric one stays an equilibrium beyond it; the continuation reports that and goes on.
 
 use nalgebra::{Vector3, Vector6};
 
@@ -21,6 +22,18 @@ use super::solve::{Failure, Loading, Outcome, Solution};
 
 /// Least step of a load, as a fraction of the whole; a fold lies closer than that.
 const STEP_MIN: f64 = 1e-7;
+
+/// First step. Stability could be lost and regained unseen within a step as large as the whole load.
+const STEP_FIRST: f64 = 0.125;
+
+/// Step at which a determinant that still shrinks or changes its sign is taken for a true loss of stability.
+const STEP_CROSSING: f64 = 1e-5;
+
+/// Greatest ratio by which the determinant may change in a step.
+const DETERMINANT_RATIO: f64 = 3.0;
+
+/// Share of the extrapolated way to the determinant's zero that one step may take.
+const DISTANCE_SHARE: f64 = 0.6;
 
 /// A field times a factor: actuation on its way from none to all. Its columns stay derivatives with
 /// the parameters of `field`.
@@ -126,30 +139,27 @@ impl Manipulator {
         solution: &mut Solution,
         pass: &mut Pass,
     ) {
-        let cosine_min = self.options.rotation_step_max.cos();
-        let cosine_easy = (0.5 * self.options.rotation_step_max).cos();
-        let reached = &mut solution.load_reached[phase as usize];
         let mut unknowns = pass.unknowns;
-        let mut step = 1.0;
+        let mut pace = Pace::new(self.options.rotation_step_max, pass.determinant);
+        let reached = &mut solution.load_reached[phase as usize];
         accept(pass);
         while *reached < 1.0 {
-            let target = f64::min(*reached + step, 1.0);
+            let target = f64::min(*reached + pace.step, 1.0);
             let trial = self.newton(&whole.part(phase, target).loading(), &unknowns, mode.poses, pass);
             solution.passes += trial.passes;
             solution.iterations += trial.iterations;
-            let cosine = least_cosine(pass);
-            if trial.converged() && cosine >= cosine_min {
+            let verdict =
+                pace.judge(trial.converged(), least_cosine(pass), pass.determinant, target - *reached);
+            if verdict != Verdict::Rejected {
                 *reached = target;
                 unknowns = pass.unknowns;
                 solution.residual = trial.residual;
-                solution.lost_stability |= pass.determinant <= 0.0;
+                solution.lost_stability |= verdict == Verdict::Crossed;
                 accept(pass);
-                step *= if cosine >= cosine_easy { 2.0 } else { 1.0 };
                 continue;
             }
-            step *= 0.5;
             let exhausted = solution.passes >= self.options.passes_max;
-            if exhausted || step < STEP_MIN {
+            if exhausted || pace.step < STEP_MIN {
                 let why = match trial.outcome {
                     _ if exhausted => Failure::IterationsExhausted,
                     Outcome::NotConverged { why: Failure::NotFinite } => Failure::NotFinite,
@@ -164,7 +174,63 @@ impl Manipulator {
             let Loading { field, gravity, load } = there.loading();
             self.pass_under(gravity, field, &load, &unknowns, mode, pass);
             solution.passes += 1;
+            solution.residual = pass.residual();
         }
+    }
+}
+
+/// What became of a trial step.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    /// Part of the branch.
+    Accepted,
+    /// Part of the branch beyond a loss of stability.
+    Crossed,
+    /// Too far away, or no equilibrium; the step is smaller now.
+    Rejected,
+}
+
+/// Chooses the steps of a load and judges what they lead to.
+struct Pace {
+    /// Next step, as a fraction of the load.
+    step: f64,
+    cosine_min: f64,
+    cosine_easy: f64,
+    determinant: f64,
+    /// True while the branch has been stable all the way.
+    stable: bool,
+}
+
+impl Pace {
+    fn new(rotation_step_max: f64, determinant: f64) -> Self {
+        let (cosine_min, cosine_easy) = (rotation_step_max.cos(), (0.5 * rotation_step_max).cos());
+        Self { step: STEP_FIRST, cosine_min, cosine_easy, determinant, stable: true }
+    }
+
+    fn judge(&mut self, converged: bool, cosine: f64, determinant: f64, step: f64) -> Verdict {
+        // Written so that a number that is none rejects.
+        if !(converged && cosine >= self.cosine_min) {
+            self.step = 0.5 * step;
+            return Verdict::Rejected;
+        }
+        let ratio = determinant / self.determinant;
+        let steady = (1.0 / DETERMINANT_RATIO..=DETERMINANT_RATIO).contains(&ratio);
+        if self.stable && !steady {
+            if step > STEP_CROSSING {
+                self.step = 0.5 * step;
+                return Verdict::Rejected;
+            }
+            // Stability is lost without a fold: a symmetric rod goes on, unstable.
+            self.stable = false;
+        }
+        self.step = if cosine >= self.cosine_easy { 2.0 * step } else { step };
+        let fall = self.determinant - determinant;
+        if self.stable && fall > 0.0 {
+            // Stay well short of where the determinant, were it linear, would vanish.
+            self.step = self.step.min((DISTANCE_SHARE * step * determinant / fall).max(STEP_CROSSING));
+        }
+        self.determinant = determinant;
+        if self.stable { Verdict::Accepted } else { Verdict::Crossed }
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3, Vector6};
 
 use crate::magnetics::{FieldSample, PARAMETERS_MAX};
-use crate::math::{Pair, Triple};
+use crate::math::{Lu, Pair, Triple};
 
 use super::magnet::Wrenches;
 use super::manipulator::{Manipulator, Part};
@@ -146,6 +146,8 @@ pub struct Pass {
     pub(super) parameters: usize,
     pub(super) residual: [f64; 6],
     pub(super) newton_step: Option<Vector6<f64>>,
+    /// Factors of dr/dxi in units of the residual.
+    pub(super) jacobian: Option<Lu<6>>,
     pub(super) determinant: f64,
     pub(super) poses: bool,
     pub(super) magnets: Vec<MagnetPass>,
@@ -176,6 +178,7 @@ impl Pass {
             parameters: 0,
             residual: [f64::NAN; 6],
             newton_step: None,
+            jacobian: None,
             determinant: f64::NAN,
             poses: false,
             magnets: magnets.map(|_| MagnetPass::new(state.frame)).collect(),

@@ -112,10 +112,12 @@ impl Manipulator {
         let moment = moment.scaled(moment_inverse);
         pass.residual = [force.x, force.y, force.z, moment.x, moment.y, moment.z]; // (s1)
         let Ok(lu) = Lu::new(self.scaled_jacobian(&pass.base)) else {
+            pass.jacobian = None;
             pass.newton_step = None;
             pass.determinant = 0.0;
             return;
         };
+        pass.jacobian = Some(lu);
         pass.determinant = lu.determinant();
         let step = lu.solve(&pass.residual);
         let units: [f64; 6] =

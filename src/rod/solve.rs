@@ -1,4 +1,12 @@
-//! Equilibrium near a guess: Newton's method with backtracking on the scaled residual.
+//! Equilibrium near a guess: Newton's method with backtracking.
+//!
+//! A strong pull makes shooting stiff: unknowns that are good to nine digits leave residuals of any size, and steps
+//! that lessen the residual need not approach the solution. A fraction `f` of a step is therefore judged by
+//! Deuflhard's natural monotonicity test, which does not depend on how the residual is scaled:
+//! ```text
+//! |J^-1 r(xi + f dxi)| <= (1 - f/4) |J^-1 r(xi)|,   dxi = -J^-1 r(xi),   J = dr/dxi at xi          (v1)
+//! ```
+//! (P. Deuflhard, *Newton Methods for Nonlinear Problems*, 2004, section 3.3.)
 //!
 //! Bounded in every direction: iterations by configuration, halvings by [`HALVINGS_MAX`]. Not to converge is a value
 //! that says why. Nothing here allocates, logs or panics.
@@ -15,13 +23,13 @@ use super::pass::{Pass, PassMode, TipLoad};
 /// Most halvings of one Newton step: below a thousandth of it nothing but rounding or a fold is left.
 const HALVINGS_MAX: u32 = 10;
 
-/// Least decrease of the residual, relative to what the linear model promises, for which a step counts.
-const DECREASE_MIN: f64 = 1e-4;
+/// Newton step, relative to the unknowns, that rounding alone accounts for: the solution cannot be improved.
+const STEP_MIN: f64 = 1e-14;
 
 /// Whether an equilibrium was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// The residual met its tolerance.
+    /// The residual met its tolerance, or the unknowns cannot be improved in double precision.
     Converged,
     /// It did not.
     NotConverged {
@@ -42,9 +50,9 @@ pub enum Failure {
     /// The guess, a load or the field is not finite.
     #[error("a state or load is not finite")]
     NotFinite,
-    /// No step along Newton's direction lessens the residual, or no smaller step of the load is
+    /// No step along Newton's direction approaches a solution, or no smaller step of the load is
     /// followed: the equilibrium ends in a fold, or the tolerance is below rounding.
-    #[error("no step lessens the residual")]
+    #[error("no step comes closer to an equilibrium")]
     Stalled,
 }
 
@@ -106,6 +114,12 @@ impl Manipulator {
         }
     }
 
+    fn scaled_norm(&self, unknowns: &Vector6<f64>) -> f64 {
+        let force = unknowns.fixed_rows::<3>(0) / self.force_unit;
+        let moment = unknowns.fixed_rows::<3>(3) / self.moment_unit;
+        force.norm().hypot(moment.norm())
+    }
+
     pub(super) fn newton(
         &self,
         loading: &Loading<impl AppliedField>,
@@ -129,9 +143,13 @@ impl Manipulator {
             if residual <= self.options.residual_tolerance {
                 break Outcome::Converged;
             }
-            let Some(step) = pass.newton_step else {
+            let (Some(step), Some(lu)) = (pass.newton_step, pass.jacobian) else {
                 break Outcome::NotConverged { why: Failure::SingularJacobian };
             };
+            let length = norm(&lu.solve(&pass.residual));
+            if length <= STEP_MIN * (1.0 + self.scaled_norm(&unknowns)) {
+                break Outcome::Converged;
+            }
             if iterations == self.options.iterations_max {
                 break Outcome::NotConverged { why: Failure::IterationsExhausted };
             }
@@ -142,8 +160,8 @@ impl Manipulator {
                 let trial = unknowns + step * fraction;
                 let found = run(&trial, pass);
                 passes += 1;
-                // False as well for a residual that is not a number.
-                if found <= (1.0 - DECREASE_MIN * fraction) * residual {
+                // (v1); false as well for a residual that is not a number.
+                if norm(&lu.solve(&pass.residual)) <= (1.0 - 0.25 * fraction) * length {
                     (unknowns, residual) = (trial, found);
                     break true;
                 }
@@ -161,4 +179,8 @@ impl Manipulator {
         };
         Solution { outcome, iterations, passes, residual, load_reached: [1.0, 1.0], lost_stability: false }
     }
+}
+
+fn norm(entries: &[f64; 6]) -> f64 {
+    entries.iter().map(|entry| entry * entry).sum::<f64>().sqrt()
 }

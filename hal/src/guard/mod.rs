@@ -21,3 +21,6 @@ mod refusal;
 
 pub use latch::{CommandGuard, SLEW_JITTER, Setpoint, VALIDITY_MAX};
 pub use refusal::{Refusal, RefusalCounts};
+
+#[cfg(test)]
+mod tests;

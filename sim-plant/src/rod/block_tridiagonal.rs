@@ -70,7 +70,8 @@ impl BlockTridiagonal {
             x[row] = self.inverse[row] * known;
         }
         for row in (0..rows.saturating_sub(1)).rev() {
-            x[row] = x[row] - self.next[row] * x[row + 1];
+            let beyond = self.next[row] * x[row + 1];
+            x[row] -= beyond;
         }
     }
 

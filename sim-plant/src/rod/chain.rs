@@ -21,6 +21,16 @@ pub struct Meshing {
 }
 
 impl Meshing {
+    /// Elements of a whole manipulator.
+    #[must_use]
+    pub fn element_count(&self, description: &ManipulatorDescription) -> usize {
+        let count = |part: &PartDescription| match part {
+            PartDescription::Section(section) => self.elements(section),
+            PartDescription::Magnet(_) => 0,
+        };
+        description.parts.iter().map(count).fold(0, usize::saturating_add)
+    }
+
     fn elements(&self, section: &SectionDescription) -> usize {
         // Ten elements of 2.5 mm must not become eleven by rounding.
         let count = (section.length / self.element_length_max - 1e-9).ceil();

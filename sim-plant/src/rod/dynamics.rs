@@ -41,9 +41,13 @@ use crate::field::Field;
 const DISSIPATION: f64 = 0.02;
 /// Newton iterations of one step; reaching this is reported.
 const ITERATIONS_MAX: usize = 20;
+/// A step that does not converge is halved up to this many times, to a 64th.
+const HALVINGS_MAX: usize = 6;
 /// Largest correction, m, that is still left out; rotations count as the motion of a point one
 /// [`LEVER`] away.
 const CORRECTION_MAX: f64 = 1e-10;
+/// A correction of this size, m, within one step means that the iteration diverges.
+const CORRECTION_ABSURD: f64 = 10.0;
 /// m a radian.
 const LEVER: f64 = 1e-2;
 /// A kept tangent is renewed when an iteration shrinks the correction by less than this factor.
@@ -61,10 +65,10 @@ pub struct Stepping {
 /// How a step was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Solve {
-    /// False when the iterations ran out or the numbers were no longer finite; in the latter case
-    /// the rod stays where it was, at rest.
+    /// False when even the shortest part of the step found no solution; the rod then stays where it
+    /// was, at rest.
     pub converged: bool,
-    /// Newton iterations taken.
+    /// Newton iterations taken, those of halved steps included.
     pub iterations: usize,
 }
 
@@ -202,6 +206,12 @@ impl Rod {
         }
     }
 
+    /// True unless the field at some magnet lay outside its model in the last step.
+    #[must_use]
+    pub fn field_was_valid(&self) -> bool {
+        self.fields.iter().all(|field| field.valid)
+    }
+
     /// Mechanical energy at the present state.
     #[must_use]
     pub fn energy(&self) -> Energy {
@@ -233,8 +243,7 @@ impl Rod {
         let length = self.chain.unloaded.last().map_or(1.0, distance);
         for (motion, pose) in self.motions.iter_mut().zip(&self.chain.unloaded) {
             motion.velocity += tip_velocity * (distance(pose) / length).powi(2);
-            motion.shift = motion.velocity * self.stepping.step;
-            motion.shift_before = motion.shift;
+            motion.expect_to_go_on(self.stepping.step);
         }
     }
 
@@ -244,24 +253,43 @@ impl Rod {
         for index in 0..self.fields.len() {
             self.fields[index] = field(&self.half_pose_of_magnet(index).position);
         }
-        let first = self.iterate();
-        let solve = if first.converged {
-            first
-        } else {
-            // After a blow the extrapolation may lie too far off; from no motion at all the
-            // iteration starts without strain that is not there.
-            for motion in &mut self.motions {
-                motion.start_from_no_motion();
-            }
-            let second = self.iterate();
-            Solve { iterations: first.iterations + second.iterations, ..second }
-        };
-        if self.motions.iter().all(Motion::is_finite) {
+        let solve = self.iterate();
+        if solve.converged {
             self.finish();
-        } else {
-            self.halt();
+            return solve;
         }
-        solve
+        // After a blow the extrapolation may lie too far off, or the step be too long.
+        let divided = self.advance_in_parts(HALVINGS_MAX);
+        self.tangent_is_kept = false;
+        for motion in &mut self.motions {
+            motion.expect_to_go_on(self.stepping.step);
+        }
+        Solve { iterations: solve.iterations + divided.iterations, ..divided }
+    }
+
+    /// Advances by `stepping.step` starting from no motion, in halves when that fails.
+    fn advance_in_parts(&mut self, halvings: usize) -> Solve {
+        self.tangent_is_kept = false;
+        for motion in &mut self.motions {
+            motion.start_from_no_motion();
+        }
+        let whole = self.iterate();
+        if whole.converged {
+            self.finish();
+            return whole;
+        }
+        if halvings == 0 {
+            self.halt();
+            return whole;
+        }
+        self.stepping.step *= 0.5;
+        let first = self.advance_in_parts(halvings - 1);
+        let second = if first.converged { self.advance_in_parts(halvings - 1) } else { first };
+        self.stepping.step *= 2.0;
+        Solve {
+            converged: second.converged,
+            iterations: whole.iterations + first.iterations + second.iterations,
+        }
     }
 
     /// Newton's iteration from the unknowns as they are.
@@ -281,7 +309,7 @@ impl Rod {
                 return Solve { converged: true, iterations: iteration };
             }
             self.tangent_is_kept &= iteration == 1 || shrinkage < SLOW;
-            if !correction.is_finite() {
+            if !correction.is_finite() || correction > CORRECTION_ABSURD {
                 self.tangent_is_kept = false;
                 return Solve { converged: false, iterations: iteration };
             }
@@ -504,8 +532,10 @@ impl Motion {
         self.place();
     }
 
-    fn is_finite(&self) -> bool {
-        self.shift.iter().chain(self.turn.iter()).all(|component| component.is_finite())
+    /// Lets the next prediction be that of constant velocity.
+    fn expect_to_go_on(&mut self, step: f64) {
+        (self.shift, self.turn) = (self.velocity * step, self.spin * step);
+        (self.shift_before, self.turn_before) = (self.shift, self.turn);
     }
 
     /// Puts the half-way and the end pose where the unknowns say.

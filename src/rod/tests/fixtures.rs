@@ -142,7 +142,7 @@ pub struct Dipoles {
 }
 
 impl Dipoles {
-    /// Dipoles around the rod, some 60 to 90 mm away, up to about 20 mT and 1 T/m each.
+    /// Dipoles around the rod, some 60 to 90 mm away, up to about 5 mT and 0.2 T/m each.
     pub fn random(count: usize, random: &mut ChaCha8Rng) -> Self {
         let mut unit = |_| {
             let v = Vector3::from_fn(|_, _| random.random_range(-1.0..1.0f64));
@@ -154,7 +154,7 @@ impl Dipoles {
             .iter()
             .map(|way| Vector3::new(0.02, 0.0, 0.0) + way.normalize() * random.random_range(0.06..0.09))
             .collect();
-        let strengths = (0..count).map(|_| random.random_range(-2e-6..2e-6)).collect();
+        let strengths = (0..count).map(|_| random.random_range(-5e-7..5e-7)).collect();
         Self { strengths, positions, axes }
     }
 

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use magsteer_hal::description::{ExtensibleStiffness, PartDescription};
-use nalgebra::{DMatrix, Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
 use serde_json::Value;
 
 use super::fixtures::{
@@ -322,7 +322,7 @@ fn two_magnets_in_an_affine_field_match_poses_wrenches_and_the_full_jacobian() {
         assert!((found.torque() - vector(&expected["T"])).norm() < 1e-6 * vector(&expected["T"]).norm());
         let positions = pass.position_jacobian(index).expect("asked for");
         let rotations = pass.rotation_jacobian(index).expect("asked for");
-        let matrix = |rows: [&[f64]; 3]| DMatrix::from_fn(3, 8, |i, j| rows[i][j]);
+        let matrix = |rows: [&[f64]; 3]| SMatrix::<f64, 3, 8>::from_fn(|i, j| rows[i][j]);
         let log = derivative_of_log(&found.rotation()) * matrix(rotations);
         for (block, rows) in [matrix(positions), log].into_iter().enumerate() {
             let expected: Vec<Vec<f64>> = (0..3)

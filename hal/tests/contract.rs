@@ -1,0 +1,265 @@
+//! The contract of `Hardware`, held against every implementation of this crate.
+
+use std::time::Duration;
+
+use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint};
+use magsteer_hal::conformance::{Clause, Rig, Violation, run};
+use magsteer_hal::scripted::{EchoHardware, example_description};
+use magsteer_hal::{
+    AdmittedCommand, CoilFeedback, CommandGuard, Hardware, HardwareDescription, MagnetPose,
+    POSE_PARAMETERS_MAX, PoseMessage, Sensed, Setpoint, Stamp, WriteError,
+};
+use tempfile::TempDir;
+
+const START: Stamp = Stamp::from_nanoseconds(1_000_000_000);
+const CYCLE: Duration = Duration::from_millis(1);
+
+fn assert_kept(found: &[Violation]) {
+    let lines: Vec<String> = found.iter().map(ToString::to_string).collect();
+    assert!(found.is_empty(), "{}", lines.join("\n"));
+}
+
+/// The ideal rig under stepped time.
+struct EchoRig {
+    description: HardwareDescription,
+    hardware: EchoHardware,
+    now: Stamp,
+}
+
+impl EchoRig {
+    fn new() -> Self {
+        let description = example_description();
+        let mut hardware = EchoHardware::new(&description);
+        hardware.read(START);
+        Self { description, hardware, now: START }
+    }
+}
+
+impl Rig for EchoRig {
+    type H = EchoHardware;
+
+    fn hardware(&mut self) -> &mut EchoHardware {
+        &mut self.hardware
+    }
+
+    fn description(&self) -> &HardwareDescription {
+        &self.description
+    }
+
+    fn now(&self) -> Stamp {
+        self.now
+    }
+
+    fn advance(&mut self, duration: Duration) {
+        self.now = self.now.after(duration);
+    }
+
+    fn inject_pose(&mut self, message: PoseMessage) -> bool {
+        self.hardware.inject_pose(message);
+        true
+    }
+
+    fn inject_feedback(&mut self, message: CoilFeedback) -> bool {
+        self.hardware.inject_feedback(message);
+        true
+    }
+}
+
+/// A driver of a few lines on the far side of the channels: guard, ideal amplifiers, a sensor that sees a rod at rest.
+struct Driver {
+    end: DriverEnd,
+    guard: CommandGuard,
+}
+
+impl Driver {
+    fn step(&mut self, now: Stamp, duration: Duration) -> Setpoint {
+        if let Some(command) = self.end.take_command(now) {
+            // Refusals are told by feedback.
+            let _ = self.guard.offer(&command, now);
+        }
+        let setpoint = self.guard.setpoint(now, duration.as_secs_f64());
+        let mut feedback = CoilFeedback { measured: *setpoint.actuation(), ..CoilFeedback::default() };
+        feedback.header.source_stamp_ns = now.nanoseconds();
+        self.guard.report(&mut feedback);
+        self.end.publish_feedback(feedback, now).expect("published");
+        let seen = MagnetPose { orientation_xyzw: [0.0, 0.0, 0.0, 1.0], valid: 1, ..MagnetPose::default() };
+        let mut pose = PoseMessage { magnet_count: 2, ..PoseMessage::default() };
+        pose.magnets[..2].fill(seen);
+        pose.header.source_stamp_ns = now.nanoseconds();
+        self.end.publish_pose(pose, now).expect("published");
+        setpoint
+    }
+}
+
+/// Both ends over shared memory, in one thread under stepped time.
+struct ChannelRig {
+    description: HardwareDescription,
+    daemon: DaemonEnd,
+    driver: Driver,
+    now: Stamp,
+    _root: TempDir,
+}
+
+impl ChannelRig {
+    fn new() -> Self {
+        let description = example_description();
+        let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+        let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
+        let end = DriverEnd::create(&endpoint).expect("a driver");
+        let guard = CommandGuard::new(&description, &[0.0; POSE_PARAMETERS_MAX]);
+        let services = DaemonServices::open(&endpoint, Duration::from_secs(5)).expect("a driver");
+        let daemon = services.into_ports(&description).expect("ports");
+        Self { description, daemon, driver: Driver { end, guard }, now: START, _root: root }
+    }
+}
+
+impl Rig for ChannelRig {
+    type H = DaemonEnd;
+
+    fn hardware(&mut self) -> &mut DaemonEnd {
+        &mut self.daemon
+    }
+
+    fn description(&self) -> &HardwareDescription {
+        &self.description
+    }
+
+    fn now(&self) -> Stamp {
+        self.now
+    }
+
+    fn advance(&mut self, duration: Duration) {
+        let mut left = duration;
+        while !left.is_zero() {
+            let step = left.min(CYCLE);
+            self.now = self.now.after(step);
+            self.driver.step(self.now, step);
+            left -= step;
+        }
+    }
+
+    fn inject_pose(&mut self, message: PoseMessage) -> bool {
+        self.driver.end.publish_raw_pose(message, self.now).is_ok()
+    }
+
+    fn inject_feedback(&mut self, message: CoilFeedback) -> bool {
+        self.driver.end.publish_raw_feedback(message, self.now).is_ok()
+    }
+}
+
+#[test]
+fn echo_hardware_keeps_the_contract() {
+    assert_kept(&run(EchoRig::new));
+}
+
+#[test]
+fn channels_keep_the_contract() {
+    assert_kept(&run(ChannelRig::new));
+}
+
+/// A way to break the contract, to show that the suite would notice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Flaw {
+    ForgetsToEcho,
+    FollowsAtOnce,
+    NeverRampsDown,
+    DropsCommands,
+    TakesGarbage,
+    SendsOldFeedback,
+    ReleasesNever,
+}
+
+/// The ideal rig behind a flaw.
+struct Flawed {
+    inner: EchoHardware,
+    flaw: Flaw,
+    first: Option<CoilFeedback>,
+    garbage: Option<PoseMessage>,
+    commanded: [f64; 32],
+}
+
+impl Hardware for Flawed {
+    fn read(&mut self, now: Stamp) -> Sensed {
+        let mut sensed = self.inner.read(now);
+        let Some(feedback) = &mut sensed.feedback.last else { return sensed };
+        match self.flaw {
+            Flaw::ForgetsToEcho => feedback.accepted_sequence = 1,
+            Flaw::FollowsAtOnce if feedback.state == 1 => {
+                feedback.measured.current_a = self.commanded.map(|current| current * 40.0);
+            }
+            Flaw::NeverRampsDown if feedback.state != 1 => feedback.measured.current_a = self.commanded,
+            Flaw::SendsOldFeedback => *feedback = *self.first.get_or_insert(*feedback),
+            Flaw::TakesGarbage => sensed.pose.last = self.garbage.take().or(sensed.pose.last),
+            _ => (),
+        }
+        sensed
+    }
+
+    fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {
+        let order = command.order();
+        let drop = match self.flaw {
+            Flaw::DropsCommands => order == 1,
+            Flaw::ReleasesNever => order == 0 || order == 4,
+            _ => false,
+        };
+        if order == 2 {
+            self.commanded = command.actuation().current_a;
+        }
+        if drop { Ok(()) } else { self.inner.write(command, now) }
+    }
+}
+
+struct FlawedRig {
+    description: HardwareDescription,
+    hardware: Flawed,
+    now: Stamp,
+}
+
+impl Rig for FlawedRig {
+    type H = Flawed;
+
+    fn hardware(&mut self) -> &mut Flawed {
+        &mut self.hardware
+    }
+
+    fn description(&self) -> &HardwareDescription {
+        &self.description
+    }
+
+    fn now(&self) -> Stamp {
+        self.now
+    }
+
+    fn advance(&mut self, duration: Duration) {
+        self.now = self.now.after(duration);
+    }
+
+    fn inject_pose(&mut self, message: PoseMessage) -> bool {
+        self.hardware.garbage = Some(message);
+        self.hardware.inner.inject_pose(message);
+        true
+    }
+}
+
+#[test]
+fn suite_notices_every_flaw_by_the_clause_it_breaks() {
+    let cases = [
+        (Flaw::ForgetsToEcho, Clause::ClaimIsEchoed),
+        (Flaw::FollowsAtOnce, Clause::CurrentsFollowWithinSlew),
+        (Flaw::NeverRampsDown, Clause::LapseRampsDown),
+        (Flaw::DropsCommands, Clause::ClaimIsEchoed),
+        (Flaw::TakesGarbage, Clause::GarbageIsRefused),
+        (Flaw::SendsOldFeedback, Clause::FeedbackArrives),
+        (Flaw::ReleasesNever, Clause::DisableLatches),
+    ];
+    for (flaw, clause) in cases {
+        let found = run(|| {
+            let description = example_description();
+            let mut inner = EchoHardware::new(&description);
+            inner.read(START);
+            let hardware = Flawed { inner, flaw, first: None, garbage: None, commanded: [0.0; 32] };
+            FlawedRig { description, hardware, now: START }
+        });
+        assert!(found.iter().any(|violation| violation.clause == clause), "{flaw:?}: found {found:?}");
+    }
+}
