@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::actuation::{ActuationArgs, finite};
 use super::exit::Exit;
-use super::{output, rig_file};
+use super::{output, shipped};
 
 /// The field of the coil array.
 #[derive(Debug, Args)]
@@ -73,7 +73,7 @@ impl Field {
 
 impl At {
     fn run(&self) -> anyhow::Result<Exit> {
-        let rig = Config::from_document(&rig_file::document(self.config.as_deref())?)?.description;
+        let rig = Config::from_document(&shipped::config(self.config.as_deref())?)?.description;
         let actuation = self.actuation.for_rig(&rig)?;
         let point = Vector3::new(self.x, self.y, self.z);
         let posed = CoilArray::new(&rig).posed(&actuation.angles);

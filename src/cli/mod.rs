@@ -12,6 +12,7 @@ mod operator;
 mod output;
 mod rig_file;
 mod run;
+mod shipped;
 mod status;
 mod target;
 

@@ -3,25 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use magsteer::config::{Config, Document, Problems};
+use magsteer::config::Config;
 use magsteer_hal::channels::{ChannelError, Endpoint};
 
 use super::exit::{Exit, Failure};
-
-/// The rig that is meant when none is named.
-const DEFAULT_CONFIG: &str = "config/bigmag-planar.toml";
-/// The same, for a working directory that does not have it.
-const EMBEDDED_CONFIG: &str = include_str!("../../config/bigmag-planar.toml");
-
-/// Reads the file named, else the default one, else the copy of it in this program.
-pub fn document(file: Option<&Path>) -> Result<Document, Problems> {
-    let default = Path::new(DEFAULT_CONFIG);
-    match file {
-        Some(file) => Document::load(file),
-        None if default.exists() => Document::load(default),
-        None => Document::from_text(format!("{DEFAULT_CONFIG} (in this program)"), EMBEDDED_CONFIG),
-    }
-}
+use super::shipped;
 
 /// Where the channels are.
 #[derive(Debug, Args)]
@@ -54,7 +40,7 @@ pub struct RigArgs {
 impl RigArgs {
     /// The configuration, from `file` where a command takes one as an argument.
     pub fn load(&self, file: Option<&Path>) -> anyhow::Result<Config> {
-        Ok(Config::from_document(&document(file.or(self.config.as_deref()))?)?)
+        Ok(Config::from_document(&shipped::config(file.or(self.config.as_deref()))?)?)
     }
 
     /// The channels; reads no file when the rig is named.

@@ -1,6 +1,7 @@
 //! `magsteer run`: the daemon.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -14,6 +15,8 @@ use super::exit::{Exit, Failure};
 use super::output;
 use super::rig_file::{RootArgs, channel_failure};
 
+/// Noted in place of a signal when standard input closed; no signal has this number.
+const STDIN_CLOSED: i32 = 1_000;
 /// How often the thread that takes signals looks whether the daemon has ended.
 const SIGNAL_POLL: Duration = Duration::from_millis(50);
 
@@ -36,6 +39,9 @@ pub struct Run {
     wait_s: f64,
     #[command(flatten)]
     root: RootArgs,
+    /// Also end when standard input closes, for a daemon that must not outlive who started it.
+    #[arg(long)]
+    end_with_stdin: bool,
     /// At the end, print one JSON object with state, cause, ramp-down and timing.
     #[arg(long)]
     json: bool,
@@ -56,8 +62,13 @@ impl Run {
             driver_wait,
             arm: self.arm,
         };
-        let stop = StopFlag::new();
-        let report = with_signals(&stop, || run(&plan, || controller, &stop))?;
+        let stop = Arc::new(StopFlag::new());
+        let report = with_signals(&stop, || {
+            if self.end_with_stdin {
+                watch_stdin(&stop)?;
+            }
+            run(&plan, || controller, &stop)
+        })?;
         match report {
             Ok(report) => self.tell(&report, stop.requested()),
             Err(RunError::Interrupted) => Ok(exit_of_signal(stop.requested())),
@@ -100,6 +111,17 @@ fn with_signals<T>(stop: &StopFlag, work: impl FnOnce() -> T) -> anyhow::Result<
         ended.store(true, Ordering::Release);
         result
     }))
+}
+
+/// Asks `stop` when standard input closes. The thread waits there until then, or until the process ends.
+fn watch_stdin(stop: &Arc<StopFlag>) -> std::io::Result<()> {
+    let stop = Arc::clone(stop);
+    let watch = move || {
+        // Whether it ended or failed, nobody is there any more.
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        stop.request(STDIN_CLOSED);
+    };
+    std::thread::Builder::new().name("magsteer-stdin".to_owned()).spawn(watch).map(drop)
 }
 
 fn exit_of_signal(signal: Option<i32>) -> Exit {

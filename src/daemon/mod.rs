@@ -38,7 +38,7 @@ mod watch;
 
 pub use clock::{Clock, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
-pub use control_loop::{ControlLoop, CycleRecord, LoopOptions};
+pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
 pub use run::{RunError, RunPlan, RunReport, run};
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
