@@ -1,13 +1,19 @@
 #![cfg(feature = "sim")]
 mod rig_support;
-use rig_support::{Bench, Setup};
 use magsteer::daemon::Verb;
+use rig_support::{Bench, Setup};
 #[test]
 fn probe() {
     let hold = std::env::var("HOLD").is_ok();
     let mut setup = Setup::shipped("bigmag-planar.toml");
-    if hold { setup.config.control.as_mut().unwrap().frame_angles = magsteer::control::FrameUse::Hold; }
-    if std::env::var("EXACT").is_ok() { setup.plant.errors.modulus_relative = 0.0; setup.plant.errors.moment_relative=0.0; setup.plant.errors.coil_gain_relative=0.0; }
+    if hold {
+        setup.config.control.as_mut().unwrap().frame_angles = magsteer::control::FrameUse::Hold;
+    }
+    if std::env::var("EXACT").is_ok() {
+        setup.plant.errors.modulus_relative = 0.0;
+        setup.plant.errors.moment_relative = 0.0;
+        setup.plant.errors.coil_gain_relative = 0.0;
+    }
     let mut bench = Bench::new(&setup);
     bench.run(0.5, |_, _| ());
     bench.request(Verb::Arm);
@@ -16,8 +22,13 @@ fn probe() {
     bench.run(0.1, |_, _| ());
     let seq = [(90., 90.), (70., 70.), (110., 70.), (80., 110.), (60., 90.)];
     for (a, b) in seq {
-        let d = |deg: f64| { let (s, c) = f64::to_radians(deg).sin_cos(); [s, 0.0, c] };
-        let mut t = [[0.0; 3]; 8]; t[0] = d(a); t[1] = d(b);
+        let d = |deg: f64| {
+            let (s, c) = f64::to_radians(deg).sin_cos();
+            [s, 0.0, c]
+        };
+        let mut t = [[0.0; 3]; 8];
+        t[0] = d(a);
+        t[1] = d(b);
         bench.request(Verb::SetTarget(t));
         let mut n = 0;
         bench.run(3.0, |r, rig| {
