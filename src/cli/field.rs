@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use magsteer::config::{Config, Document, Problems};
+use magsteer::config::Config;
 use magsteer::magnetics::{AppliedField, CoilArray, FieldSample};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -11,11 +11,7 @@ use serde::Serialize;
 use super::actuation::{ActuationArgs, finite};
 use super::exit::Exit;
 use super::output;
-
-/// The rig that is meant when none is named.
-const DEFAULT_CONFIG: &str = "config/bigmag-planar.toml";
-/// The same, for a working directory that does not have it.
-const EMBEDDED_CONFIG: &str = include_str!("../../config/bigmag-planar.toml");
+use super::shipped;
 
 /// The field of the coil array.
 #[derive(Debug, Args)]
@@ -78,7 +74,7 @@ impl Field {
 
 impl At {
     fn run(&self) -> anyhow::Result<Exit> {
-        let rig = Config::from_document(&self.document()?)?.description;
+        let rig = Config::from_document(&shipped::config(self.config.as_deref())?)?.description;
         let actuation = self.actuation.for_rig(&rig)?;
         let point = Vector3::new(self.x, self.y, self.z);
         let posed = CoilArray::new(&rig).posed(&actuation.angles);
@@ -104,15 +100,6 @@ impl At {
             output::result(answer.table())?;
         }
         Ok(if answer.valid { Exit::Success } else { Exit::No })
-    }
-
-    fn document(&self) -> Result<Document, Problems> {
-        let default = PathBuf::from(DEFAULT_CONFIG);
-        match &self.config {
-            Some(file) => Document::load(file),
-            None if default.exists() => Document::load(&default),
-            None => Document::from_text(format!("{DEFAULT_CONFIG} (in this program)"), EMBEDDED_CONFIG),
-        }
     }
 }
 

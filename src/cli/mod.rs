@@ -11,5 +11,6 @@ mod field;
 mod output;
 mod shape;
 mod shape_answer;
+mod shipped;
 
 pub use command::run;
