@@ -322,3 +322,56 @@ fn a_magnet_may_come_first_and_a_coil_may_stand_still() {
     let text = format!("{}{magnet}\n{}", &RIGHT[..at], &RIGHT[at..]).replace("frame = \"bottom\"\n", "");
     assert_eq!(refused(&text), vec![]);
 }
+
+/// Goal: whatever stands in place of a value, and whichever line is missing, the answer is a configuration or problems with
+/// places: never a panic.
+#[test]
+fn no_value_and_no_missing_line_escapes_the_checks() {
+    let odd = [
+        "nan",
+        "-inf",
+        "-1",
+        "0",
+        "0.0",
+        "1e308",
+        "-1e308",
+        "5e-324",
+        "9223372036854775807",
+        "\"\"",
+        "\"x\"",
+        "true",
+        "1979-05-27",
+        "[]",
+        "[nan, inf, 0]",
+        "[[1]]",
+        "{}",
+        "{ x = 1 }",
+        "[{}]",
+    ];
+    let right = format!("{RIGHT}{STEERING}");
+    let mut refusals = 0;
+    let mut check = |text: &str, change: &str| {
+        for problem in refused(text) {
+            refusals += 1;
+            assert!(problem.line >= 1 && problem.column >= 1, "{change}: {problem:?}");
+            assert!(!problem.expected.is_empty(), "{change}: {problem:?}");
+            assert!(problem.to_string().starts_with("bench.toml:"), "{change}: {problem}");
+        }
+    };
+    for (at, line) in right.lines().enumerate() {
+        let with = |replacement: &str| {
+            let lines = right.lines().enumerate();
+            lines
+                .map(|(index, line)| if index == at { replacement } else { line })
+                .collect::<Vec<_>>()
+                .join("\n")
+        };
+        check(&with(""), &format!("without {line}"));
+        let Some((key, _)) = line.split_once(" = ") else { continue };
+        for value in odd {
+            let replacement = format!("{key} = {value}");
+            check(&with(&replacement), &replacement);
+        }
+    }
+    assert!(refusals > 1000, "most of these are wrong: {refusals}");
+}
