@@ -1,12 +1,17 @@
 //! The list of subcommands.
 
 use clap::{Parser, Subcommand};
+use magsteer_hal::operator::verb;
 
 use super::check::Check;
 use super::exit::Exit;
 use super::field::Field;
+use super::operator::RequestArgs;
 use super::output;
+use super::run::Run;
 use super::shape::Shape;
+use super::status::Status;
+use super::target::Target;
 
 /// Steers soft continuum manipulators carrying permanent magnets with an array of mobile electromagnets.
 #[derive(Debug, Parser)]
@@ -26,6 +31,21 @@ struct Cli {
 /// Every subcommand.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    Run(Run),
+    Status(Status),
+    Target(Target),
+    /// Take authority over the coils at zero current.
+    Arm(RequestArgs),
+    /// Start steering towards the targets, or go on after a hold.
+    Go(RequestArgs),
+    /// Keep steering to where the reference is now.
+    Hold(RequestArgs),
+    /// Ramp all currents to zero and give up authority.
+    Stop(RequestArgs),
+    /// Clear a latched fault whose cause is gone.
+    Reset(RequestArgs),
+    /// Cut the amplifiers at once; a hardware stop stays primary.
+    Estop(RequestArgs),
     Check(Check),
     Field(Field),
     Shape(Shape),
@@ -34,6 +54,15 @@ pub enum Command {
 impl Command {
     fn run(&self) -> anyhow::Result<Exit> {
         match self {
+            Self::Run(command) => command.run(),
+            Self::Status(command) => command.run(),
+            Self::Target(command) => command.run(),
+            Self::Arm(request) => request.run(verb::ARM),
+            Self::Go(request) => request.run(verb::GO),
+            Self::Hold(request) => request.run(verb::HOLD),
+            Self::Stop(request) => request.run(verb::STOP),
+            Self::Reset(request) => request.run(verb::RESET),
+            Self::Estop(request) => request.run(verb::ESTOP),
             Self::Check(command) => command.run(),
             Self::Field(command) => command.run(),
             Self::Shape(command) => command.run(),

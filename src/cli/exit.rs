@@ -72,14 +72,13 @@ pub struct Failure {
 
 impl Failure {
     /// Ends the command with `exit`.
-    #[expect(clippy::new_ret_no_self, reason = "commands return it as the error that it becomes")]
-    pub fn new(exit: Exit, source: impl Into<anyhow::Error>) -> anyhow::Error {
+    pub fn with(exit: Exit, source: impl Into<anyhow::Error>) -> anyhow::Error {
         Self { exit, source: source.into() }.into()
     }
 
     /// Ends the command because its arguments do not fit together.
     pub fn usage(message: impl Display) -> anyhow::Error {
-        Self::new(Exit::Usage, anyhow::anyhow!("{message}"))
+        Self::with(Exit::Usage, anyhow::anyhow!("{message}"))
     }
 }
 

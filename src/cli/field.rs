@@ -10,8 +10,7 @@ use serde::Serialize;
 
 use super::actuation::{ActuationArgs, finite};
 use super::exit::Exit;
-use super::output;
-use super::shipped;
+use super::{output, shipped};
 
 /// The field of the coil array.
 #[derive(Debug, Args)]

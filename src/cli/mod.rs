@@ -8,9 +8,14 @@ mod check;
 mod command;
 mod exit;
 mod field;
+mod operator;
 mod output;
+mod rig_file;
+mod run;
 mod shape;
 mod shape_answer;
 mod shipped;
+mod status;
+mod target;
 
 pub use command::run;

@@ -1,21 +1,20 @@
-//! The files that come with the program, for who names none.
+//! The configuration that is meant when none is named.
 
 use std::path::Path;
 
 use magsteer::config::{Document, Problems};
 
+/// The rig that is meant when none is named.
 const CONFIG: &str = "config/bigmag-planar.toml";
+/// The same, for a working directory that does not have it.
 const CONFIG_TEXT: &str = include_str!("../../config/bigmag-planar.toml");
 
-/// The configuration `file`; without one the default rig's, from the working directory or else from this program.
+/// Reads the file named, else the default one, else the copy of it in this program.
 pub fn config(file: Option<&Path>) -> Result<Document, Problems> {
-    document(file, CONFIG, CONFIG_TEXT)
-}
-
-fn document(file: Option<&Path>, default: &str, text: &str) -> Result<Document, Problems> {
+    let default = Path::new(CONFIG);
     match file {
         Some(file) => Document::load(file),
-        None if Path::new(default).exists() => Document::load(Path::new(default)),
-        None => Document::from_text(format!("{default} (in this program)"), text),
+        None if default.exists() => Document::load(default),
+        None => Document::from_text(format!("{CONFIG} (in this program)"), CONFIG_TEXT),
     }
 }

@@ -112,7 +112,7 @@ impl DaemonConfig {
             checks.within(format!("daemon.{key}"), value, least, most);
         }
         checks.require(
-            !(self.pose_stop_ms <= self.pose_hold_ms),
+            self.pose_stop_ms > self.pose_hold_ms || self.pose_hold_ms.is_nan(),
             "daemon.pose_stop_ms",
             self.pose_stop_ms,
             format!("above pose_hold_ms = {}", self.pose_hold_ms),

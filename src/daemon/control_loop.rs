@@ -78,6 +78,11 @@ impl CycleRecord {
     }
 }
 
+/// A cycle takes one request, and another one already waits for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("another request waits for the next cycle")]
+pub struct Occupied;
+
 /// What a loop needs to know that is neither rig nor configuration.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LoopOptions {
@@ -167,10 +172,10 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
     /// Leaves a request for the next cycle.
     ///
     /// # Errors
-    /// Returns the request when another one still waits for that cycle.
-    pub fn request(&mut self, request: Request) -> Result<(), Request> {
+    /// When another one still waits for that cycle.
+    pub fn request(&mut self, request: Request) -> Result<(), Occupied> {
         if self.request.is_some() {
-            return Err(request);
+            return Err(Occupied);
         }
         self.request = Some(request);
         Ok(())

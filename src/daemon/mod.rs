@@ -13,6 +13,7 @@
 //! | `statistics` | lossless histograms of timing |
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
+//! | `target` | targets and tangents as people write and read them |
 //! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
@@ -30,13 +31,14 @@ pub mod step_response;
 mod supervisor;
 #[cfg(test)]
 mod supervisor_tests;
+pub mod target;
 mod telemetry;
 mod view;
 mod watch;
 
 pub use clock::{Clock, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
-pub use control_loop::{ControlLoop, CycleRecord, LoopOptions};
+pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
 pub use run::{RunError, RunPlan, RunReport, run};
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};

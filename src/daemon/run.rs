@@ -81,8 +81,8 @@ pub enum RunError {
 pub struct RunReport {
     /// State at the end: `idle` after a clean ramp-down.
     pub state: String,
-    /// Cause of the last stop or fault, in words; empty without one.
-    pub cause: String,
+    /// Cause of the last stop or fault, in words.
+    pub cause: Option<String>,
     /// Stable code of that cause, 0 without one.
     pub cause_code: u32,
     /// Duration of the last ramp to zero, from order to measured zero; absent when there was none.
@@ -114,7 +114,7 @@ impl RunReport {
     fn new(end: &LoopEnd, realtime: RealtimeReport, records_dropped: u64) -> Self {
         Self {
             state: state::name(end.state).to_owned(),
-            cause: end.cause.map_or("", Cause::text).to_owned(),
+            cause: end.cause.map(|cause| cause.text().to_owned()),
             cause_code: end.cause.map_or(0, Cause::code),
             ramp_down_ms: end.ramp_down.map(|ramp| ramp.duration.as_secs_f64() * 1e3),
             ramp_down_from_a: end.ramp_down.map(|ramp| ramp.current_begin),

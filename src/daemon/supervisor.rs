@@ -384,8 +384,8 @@ fn unit_directions(directions: &Directions, magnet_count: usize) -> Option<Direc
     let mut units = Directions::default();
     for (unit, direction) in units.iter_mut().zip(directions).take(magnet_count) {
         let norm = direction.iter().map(|component| component * component).sum::<f64>().sqrt();
-        // Not a number fails the comparison.
-        if !((norm - 1.0).abs() <= NORM_TOLERANCE) {
+        // Not a number lies in no range.
+        if !(1.0 - NORM_TOLERANCE..=1.0 + NORM_TOLERANCE).contains(&norm) {
             return None;
         }
         *unit = direction.map(|component| component / norm);
