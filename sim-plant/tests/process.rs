@@ -132,3 +132,32 @@ fn process_told_to_stop_ends_without_current_though_commands_go_on() {
     assert!(summary.ended_currentless);
     assert!(summary.last_ramp.is_some());
 }
+
+#[test]
+fn process_that_cannot_catch_up_leaves_time_out_and_counts_it() {
+    let description = fixture::bigmag();
+    let mut tables = fixture::plant_tables();
+    // Twenty milliseconds pass between wake-ups, of which one may be caught up.
+    tables["real_time"]["wake_us"] = 20_000.into();
+    tables["real_time"]["catch_up_max_ms"] = 1.into();
+    let config: PlantConfig = serde_json::from_value(tables).expect("a configuration");
+    let mut plant = config.build(&description).expect("valid");
+    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+    let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
+    let mut end = DriverEnd::create(&endpoint).expect("a driver");
+    let stop = AtomicBool::new(false);
+    let summary = thread::scope(|scope| {
+        let process = scope.spawn(|| {
+            thread::sleep(Duration::from_millis(200));
+            stop.store(true, Ordering::Relaxed);
+        });
+        let summary = run(&mut plant, &config.real_time, &mut end, &stop);
+        process.join().expect("the timer ended");
+        summary
+    });
+    assert!(summary.stalls > 0);
+    let stalls = u32::try_from(summary.stalls).expect("few");
+    assert!(summary.left_out >= Duration::from_millis(15) * stalls, "{summary:?}");
+    let simulated = Duration::from_micros(500) * u32::try_from(summary.counts.steps).expect("few");
+    assert!(!simulated.is_zero() && simulated * 5 < summary.left_out, "{summary:?}");
+}
