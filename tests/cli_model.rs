@@ -302,6 +302,25 @@ fn shape_answers_no_with_a_reason_when_the_search_ends_before_the_equilibrium() 
     assert!(complaint(&output).contains("no equilibrium was found: the bound on iterations"), "{output:?}");
 }
 
+/// Goal: the margin changes sign at Euler's load, pi^2/4 here, though the straight column remains an equilibrium.
+#[test]
+fn the_stability_margin_vanishes_at_eulers_load() {
+    let margin = |force: &str| {
+        let load = format!("0,0,{force}");
+        let found = ask(&["shape", "config/reference-cantilever.toml", "--tip-force-n", &load, "--json"]);
+        assert_eq!(found["converged"], true, "{found}");
+        found["stability_margin"].as_f64().unwrap()
+    };
+    assert!((margin("0") - 1.0).abs() < 1e-12);
+    let near = margin("-2.46");
+    assert!(near > 0.0 && near < 0.01, "{near}");
+    for beyond in ["-2.48", "-3", "-50"] {
+        assert!(margin(beyond) < 0.0, "{beyond}");
+    }
+    let told = magsteer(&["shape", "config/reference-cantilever.toml", "--tip-force-n", "0,0,-3"]);
+    assert!(complaint(&told).contains("not stable"), "{told:?}");
+}
+
 #[test]
 fn shape_answers_no_when_a_magnet_is_driven_out_of_the_models_range() {
     // Loaded upwards, the tip magnet comes within 43 mm of the upper air coil's expansion point.

@@ -63,6 +63,9 @@ impl Shape {
         if let Some(failure) = &answer.failure {
             output::note(format_args!("no equilibrium was found: {failure}"));
         }
+        if answer.stability_margin.is_some_and(|margin| margin <= 0.0) {
+            output::note("the equilibrium is not stable: the manipulator would leave it");
+        }
         for magnet in answer.magnets.iter().filter(|magnet| !magnet.field_valid) {
             output::note(format_args!(
                 "magnet {} lies outside the range of the coils' field model: the numbers mean nothing",

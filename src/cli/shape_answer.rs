@@ -20,13 +20,9 @@ pub struct Answer {
     pub tip_tangent: [f64; 3],
     pub magnets: Vec<MagnetAnswer>,
     pub jacobian: JacobianAnswer,
-    /// Always `null`: the model does not offer one that can be trusted. `determinant` alone does not tell, since a rod that
-    /// buckles in two planes at once leaves its sign unchanged.
+    /// 1 for the unloaded straight manipulator, 0 where the equilibrium ceases to be stable, negative when stability was lost on the
+    /// way from rest; `null` without an equilibrium. Determinant of the residual's Jacobian with the sign that tells.
     pub stability_margin: Option<f64>,
-    /// Of the residual's Jacobian: 1 for the unloaded straight manipulator, 0 where an equilibrium ceases to be stable.
-    pub determinant: f64,
-    /// True when the sign of `determinant` changed on the way from rest.
-    pub lost_stability: bool,
     /// Shooting passes, those of the way from rest included.
     pub passes: u32,
     /// Why no equilibrium was found.
@@ -103,6 +99,8 @@ impl Answer {
         jacobian: JacobianAnswer,
     ) -> Self {
         let magnets = names.iter().zip(pass.magnets());
+        // A rod that buckles in two planes at once leaves the determinant's sign as it was.
+        let margin = if solution.lost_stability { -pass.determinant().abs() } else { pass.determinant() };
         Self {
             converged: solution.converged(),
             iterations: solution.iterations,
@@ -114,9 +112,7 @@ impl Answer {
             tip_tangent: pass.tip_tangent().into(),
             magnets: magnets.map(|(name, at)| MagnetAnswer::new(name, at)).collect(),
             jacobian,
-            stability_margin: None,
-            determinant: pass.determinant(),
-            lost_stability: solution.lost_stability,
+            stability_margin: solution.converged().then_some(margin),
             passes: solution.passes,
             failure: failure(solution),
         }
@@ -130,9 +126,14 @@ impl Answer {
     /// The answer for people.
     pub fn table(&self) -> String {
         let found = if self.converged { "equilibrium" } else { "no equilibrium; where the search ended" };
+        let stability = match self.stability_margin {
+            Some(margin) if margin > 0.0 => format!("stable, margin {margin:.3}"),
+            Some(margin) => format!("UNSTABLE, margin {margin:.3}"),
+            None => "stability unknown".to_owned(),
+        };
         let mut text = format!(
-            "{found}: {} iterations, residual {:.1e}, {:.0} us, determinant {:.3}\n",
-            self.iterations, self.residual, self.elapsed_us, self.determinant
+            "{found}: {} iterations, residual {:.1e}, {:.0} us, {stability}\n",
+            self.iterations, self.residual, self.elapsed_us
         );
         let mut line = |name: &str, values: &[f64; 3], scale: f64, unit: &str| {
             let [x, y, z] = values.map(|value| value * scale);
