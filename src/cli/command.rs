@@ -4,12 +4,16 @@ use clap::{Parser, Subcommand};
 use magsteer_hal::operator::verb;
 
 use super::check::Check;
+#[cfg(feature = "sim")]
+use super::demo::Demo;
 use super::exit::Exit;
 use super::field::Field;
 use super::operator::RequestArgs;
 use super::output;
 use super::run::Run;
 use super::shape::Shape;
+#[cfg(feature = "sim")]
+use super::sim_plant::SimPlant;
 use super::status::Status;
 use super::target::Target;
 
@@ -31,6 +35,10 @@ struct Cli {
 /// Every subcommand.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    #[cfg(feature = "sim")]
+    Demo(Demo),
+    #[cfg(feature = "sim")]
+    SimPlant(SimPlant),
     Run(Run),
     Status(Status),
     Target(Target),
@@ -54,6 +62,10 @@ pub enum Command {
 impl Command {
     fn run(&self) -> anyhow::Result<Exit> {
         match self {
+            #[cfg(feature = "sim")]
+            Self::Demo(command) => command.run(),
+            #[cfg(feature = "sim")]
+            Self::SimPlant(command) => command.run(),
             Self::Run(command) => command.run(),
             Self::Status(command) => command.run(),
             Self::Target(command) => command.run(),

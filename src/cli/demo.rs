@@ -4,23 +4,23 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
 use magsteer::config::{Config, Document, Experiment};
-use magsteer::daemon::RunReport;
 use magsteer::daemon::step_response::StepResponse;
+use magsteer::daemon::{RunReport, StopFlag};
 use magsteer_hal::channels::Endpoint;
 use magsteer_hal::operator::{state, verb};
-use magsteer_sim_plant::PlantSummary;
 use serde::Serialize;
 
+use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::output;
 use super::play::{Played, Session, table};
 use super::shipped;
+use super::sim_plant::PlantReport;
 
 /// How long plant and daemon may take to appear.
 const START_WAIT: Duration = Duration::from_secs(20);
@@ -32,7 +32,9 @@ const END_WAIT: Duration = Duration::from_secs(10);
 /// Plays the planar experiment in real time, judges every step by the plant's true poses, and draws two pictures. Ends with 0
 /// when every step settled, with 1 when one did not.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  magsteer demo\n  magsteer demo --config config/bigmag-planar-camera.toml --json")]
+#[command(
+    after_help = "Examples:\n  magsteer demo\n  magsteer demo --config config/bigmag-planar-camera.toml --json"
+)]
 pub struct Demo {
     /// Configuration; config/bigmag-planar.toml when left out, or the copy of it in this program.
     #[arg(long, value_name = "FILE")]
@@ -58,7 +60,7 @@ struct Answer<'a> {
     files: &'a [PathBuf],
     judged_by_truth: bool,
     daemon: &'a RunReport,
-    plant: &'a PlantSummary,
+    plant: &'a PlantReport,
 }
 
 impl Demo {
@@ -66,16 +68,24 @@ impl Demo {
         let document = shipped::config(self.config.as_deref())?;
         let config = Config::from_document(&document)?;
         let magnets: Vec<&str> = config.description.magnets().map(|magnet| magnet.name.as_str()).collect();
-        let experiment = Experiment::from_document(&shipped::experiment(self.experiment.as_deref())?, &magnets)?;
+        let experiment =
+            Experiment::from_document(&shipped::experiment(self.experiment.as_deref())?, &magnets)?;
         let folder = self.folder()?;
-        let stop = watch_signals()?;
-        let rig = Rig::start(&document, &config, &folder)?;
-        let played = rig.play(&experiment, &magnets, &stop);
-        let (daemon, plant) = rig.end()?;
-        let played = played?;
-        if stop.load(Ordering::Relaxed) {
+        let stop = Arc::new(StopFlag::new());
+        let (played, daemon, plant) = watching(
+            &stop,
+            false,
+            || (),
+            || {
+                let rig = Rig::start(&document, &config, &folder)?;
+                let played = rig.play(&experiment, &magnets, &stop);
+                let (daemon, plant) = rig.end()?;
+                anyhow::Ok((played?, daemon, plant))
+            },
+        )??;
+        if stop.requested().is_some() {
             output::note("interrupted: the coils were ramped to zero");
-            return Ok(Exit::Interrupted);
+            return Ok(exit_of(&stop));
         }
         let files = draw(&folder, &config, &played)?;
         self.print(&played, &daemon, &plant, &files)?;
@@ -87,7 +97,7 @@ impl Demo {
     fn folder(&self) -> anyhow::Result<PathBuf> {
         let folder = self.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(dated("demo")));
         std::fs::create_dir_all(&folder).map_err(|error| {
-            Failure::new(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", folder.display()))
+            Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", folder.display()))
         })?;
         Ok(folder)
     }
@@ -96,7 +106,7 @@ impl Demo {
         &self,
         played: &Played,
         daemon: &RunReport,
-        plant: &PlantSummary,
+        plant: &PlantReport,
         files: &[PathBuf],
     ) -> anyhow::Result<()> {
         if self.json {
@@ -158,7 +168,7 @@ impl Rig {
         Ok(Self { plant, daemon, endpoint, root })
     }
 
-    fn play(&self, experiment: &Experiment, magnets: &[&str], stop: &AtomicBool) -> anyhow::Result<Played> {
+    fn play(&self, experiment: &Experiment, magnets: &[&str], stop: &StopFlag) -> anyhow::Result<Played> {
         let mut session = Session::open(&self.endpoint, START_WAIT).map_err(|error| self.explain(error))?;
         session.wait_for(&[state::IDLE], START_WAIT).map_err(|error| self.explain(error))?;
         session.request(verb::ARM, "arm")?;
@@ -169,11 +179,11 @@ impl Rig {
     /// Adds where the children's own words stand.
     fn explain(&self, error: anyhow::Error) -> anyhow::Error {
         let logs = [&self.plant, &self.daemon].map(|process| process.log.display().to_string());
-        Failure::new(Exit::of(&error), anyhow!("{error:#}; see {} and {}", logs[0], logs[1]))
+        Failure::with(Exit::of(&error), anyhow!("{error:#}; see {} and {}", logs[0], logs[1]))
     }
 
     /// Stops the daemon, then the plant: each ramps down, reports and ends.
-    fn end(self) -> anyhow::Result<(RunReport, PlantSummary)> {
+    fn end(self) -> anyhow::Result<(RunReport, PlantReport)> {
         let daemon = self.daemon.end();
         let plant = self.plant.end();
         // Whatever the children left there is of no use to anybody.
@@ -234,18 +244,10 @@ impl Process {
         if printed.trim().is_empty() {
             let words = std::fs::read_to_string(&self.log).unwrap_or_default();
             let failure = anyhow!("{} ended with {status}: {}", self.name, words.trim());
-            return Err(Failure::new(Exit::Software, failure));
+            return Err(Failure::with(Exit::Software, failure));
         }
         Ok(printed)
     }
-}
-
-/// Sets the flag at SIGINT, SIGTERM and SIGHUP. The children get a terminal's SIGINT too and ramp down by themselves.
-fn watch_signals() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("signals cannot be watched")?;
-    Ok(stop)
 }
 
 /// `NAME-YYYYMMDD-HHMMSS`, UTC.

@@ -98,11 +98,11 @@ pub fn angles_against_time(
         panels.push(plots);
     }
     let rows = panels.len();
-    let curves = [("measured", MEASURED_COLOR, None), ("predicted by the model", PREDICTED_COLOR, None), (
-        "desired",
-        DESIRED_COLOR,
-        Some("6 4".to_owned()),
-    )];
+    let curves = [
+        ("measured", MEASURED_COLOR, None),
+        ("predicted by the model", PREDICTED_COLOR, None),
+        ("desired", DESIRED_COLOR, Some("6 4".to_owned())),
+    ];
     let legend = curves.map(|(label, color, dasharray)| LegendEntry {
         label: label.to_owned(),
         color: color.to_owned(),

@@ -6,15 +6,25 @@
 mod actuation;
 mod check;
 mod command;
+#[cfg(feature = "sim")]
+mod demo;
+mod ending;
 mod exit;
 mod field;
+#[cfg(all(feature = "figures", feature = "sim"))]
+mod figures;
 mod operator;
 mod output;
+mod play;
 mod rig_file;
 mod run;
+#[cfg(all(feature = "figures", feature = "sim"))]
+mod run_pictures;
 mod shape;
 mod shape_answer;
 mod shipped;
+#[cfg(feature = "sim")]
+mod sim_plant;
 mod status;
 mod target;
 

@@ -1,11 +1,11 @@
 //! Plays an experiment as an operator: sets targets through the channels, watches, and judges each step.
 
 use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, bail};
 use magsteer::config::Experiment;
+use magsteer::daemon::StopFlag;
 use magsteer::daemon::step_response::{Observation, StepResponse, judge, polar_angle};
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
 use magsteer_hal::message::PoseMessage;
@@ -80,7 +80,7 @@ impl Session {
     /// When there is no daemon.
     pub fn open(endpoint: &Endpoint, wait: Duration) -> anyhow::Result<Self> {
         let client =
-            OperatorClient::open(endpoint, wait).map_err(|error| Failure::new(Exit::Unavailable, error))?;
+            OperatorClient::open(endpoint, wait).map_err(|error| Failure::with(Exit::Unavailable, error))?;
         // A driver of real coils has no truth to offer.
         let truth = TruthObserver::open(endpoint, Duration::ZERO).ok();
         Ok(Self { client, truth, begin: Stamp::now(), samples: Vec::new() })
@@ -110,9 +110,13 @@ impl Session {
         }
         let wanted: Vec<&str> = states.iter().map(|state| state::name(*state)).collect();
         let found = last.map_or("silent".to_owned(), |status| describe(&status));
-        Err(Failure::new(
+        Err(Failure::with(
             Exit::Unavailable,
-            anyhow!("the daemon is {found}; expected {} within {} s", wanted.join(" or "), wait.as_secs_f64()),
+            anyhow!(
+                "the daemon is {found}; expected {} within {} s",
+                wanted.join(" or "),
+                wait.as_secs_f64()
+            ),
         ))
     }
 
@@ -124,7 +128,7 @@ impl Session {
         mut self,
         experiment: &Experiment,
         magnets: &[&str],
-        stop: &AtomicBool,
+        stop: &StopFlag,
     ) -> anyhow::Result<Played> {
         self.begin = Stamp::now();
         let mut steps = Vec::new();
@@ -149,21 +153,21 @@ impl Session {
         label: &str,
         target: &[[f64; 3]],
         duration: Duration,
-        stop: &AtomicBool,
+        stop: &StopFlag,
     ) -> anyhow::Result<Option<PlayedStep>> {
         let mut line = LiveLine::new();
         let begin = Stamp::now();
         let mut watched = Watched::new(begin);
         self.discard_truth();
         while Stamp::now().since(begin) < duration {
-            if stop.load(Ordering::Relaxed) {
+            if stop.requested().is_some() {
                 return Ok(None);
             }
             std::thread::sleep(POLL);
             self.watch(&mut watched);
             let Some(status) = watched.newest else {
                 if Stamp::now().since(begin) > SILENCE_MAX {
-                    return Err(Failure::new(Exit::Unavailable, anyhow!("the daemon fell silent")));
+                    return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
                 }
                 continue;
             };
@@ -172,12 +176,14 @@ impl Session {
                 bail!("the daemon stopped steering: it is {}", describe(&status));
             }
             if Stamp::now().since(status.header.source_stamp()) > SILENCE_MAX {
-                return Err(Failure::new(Exit::Unavailable, anyhow!("the daemon fell silent")));
+                return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
             }
             line.draw(|| live(label, begin, target, &status, watched.lateness_max_us), REDRAW);
         }
         let Some(end) = watched.newest else {
-            bail!("nothing was heard of the daemon during {label}: is the step longer than its status period?");
+            bail!(
+                "nothing was heard of the daemon during {label}: is the step longer than its status period?"
+            );
         };
         line.draw(|| live(label, begin, target, &end, watched.lateness_max_us), Duration::ZERO);
         line.end();
@@ -214,9 +220,12 @@ impl Session {
         let answer = self
             .client
             .send(request, ANSWER_WAIT)
-            .map_err(|error| Failure::new(Exit::Unavailable, anyhow!("{name}: {error}")))?;
+            .map_err(|error| Failure::with(Exit::Unavailable, anyhow!("{name}: {error}")))?;
         refusal(&answer).map_or(Ok(()), |reason| {
-            Err(Failure::new(Exit::No, anyhow!("{name} refused: {reason} (the daemon is {})", state::name(answer.state))))
+            Err(Failure::with(
+                Exit::No,
+                anyhow!("{name} refused: {reason} (the daemon is {})", state::name(answer.state)),
+            ))
         })
     }
 }
@@ -230,7 +239,8 @@ pub fn refusal(answer: &OperatorAnswer) -> Option<&'static str> {
 /// State and cause of a daemon in words.
 fn describe(status: &StatusMessage) -> String {
     let name = state::name(status.state);
-    Cause::from_code(status.cause).map_or_else(|| name.to_owned(), |cause| format!("{name} ({})", cause.text()))
+    Cause::from_code(status.cause)
+        .map_or_else(|| name.to_owned(), |cause| format!("{name} ({})", cause.text()))
 }
 
 /// What was seen of one step.
@@ -279,7 +289,13 @@ fn tangent([x, y, z, w]: &[f64; 4]) -> [f64; 3] {
     [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)]
 }
 
-fn live(label: &str, begin: Stamp, target: &[[f64; 3]], status: &StatusMessage, lateness_max_us: f64) -> String {
+fn live(
+    label: &str,
+    begin: Stamp,
+    target: &[[f64; 3]],
+    status: &StatusMessage,
+    lateness_max_us: f64,
+) -> String {
     let degrees = |directions: &[[f64; 3]]| -> String {
         directions.iter().map(|direction| format!("{:6.1}", polar_angle(direction).to_degrees())).collect()
     };

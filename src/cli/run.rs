@@ -2,23 +2,17 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
 use magsteer::config::{Config, Document};
 use magsteer::control::Cycle;
-use magsteer::daemon::kernel::Signals;
 use magsteer::daemon::{LatencySummary, RunError, RunPlan, RunReport, StopFlag, run};
 
+use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::output;
 use super::rig_file::{RootArgs, channel_failure};
-
-/// Noted in place of a signal when standard input closed; no signal has this number.
-const STDIN_CLOSED: i32 = 1_000;
-/// How often the thread that takes signals looks whether the daemon has ended.
-const SIGNAL_POLL: Duration = Duration::from_millis(50);
 
 /// Run the daemon of a rig until it is told to end.
 ///
@@ -63,27 +57,22 @@ impl Run {
             arm: self.arm,
         };
         let stop = Arc::new(StopFlag::new());
-        let report = with_signals(&stop, || {
-            if self.end_with_stdin {
-                watch_stdin(&stop)?;
-            }
-            run(&plan, || controller, &stop)
-        })?;
+        let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;
         match report {
-            Ok(report) => self.tell(&report, stop.requested()),
-            Err(RunError::Interrupted) => Ok(exit_of_signal(stop.requested())),
+            Ok(report) => self.tell(&report, &stop),
+            Err(RunError::Interrupted) => Ok(exit_of(&stop)),
             Err(RunError::Channel(error)) => Err(channel_failure(error)),
             Err(error) => Err(Failure::with(Exit::Software, error)),
         }
     }
 
-    fn tell(&self, report: &RunReport, signal: Option<i32>) -> anyhow::Result<Exit> {
+    fn tell(&self, report: &RunReport, stop: &StopFlag) -> anyhow::Result<Exit> {
         if self.json {
             output::json(report)?;
         } else {
             output::result(summary(report))?;
         }
-        Ok(if report.is_clean() { exit_of_signal(signal) } else { Exit::No })
+        Ok(if report.is_clean() { exit_of(stop) } else { Exit::No })
     }
 }
 
@@ -92,44 +81,6 @@ fn controller(document: &Document, config: &Config) -> anyhow::Result<Cycle> {
     let control = document.require("control", &config.control)?;
     let manipulator = document.require("rod", &config.manipulator)?;
     Ok(Cycle::new(control, &config.description, manipulator.clone()))
-}
-
-/// Runs `work` while signals ask `stop`.
-fn with_signals<T>(stop: &StopFlag, work: impl FnOnce() -> T) -> anyhow::Result<T> {
-    // Blocked here, before any thread starts, and so in all of them.
-    let signals = Signals::block()?;
-    let ended = AtomicBool::new(false);
-    Ok(std::thread::scope(|scope| {
-        scope.spawn(|| {
-            while !ended.load(Ordering::Acquire) {
-                if let Some(signal) = signals.wait(SIGNAL_POLL) {
-                    stop.request(signal);
-                }
-            }
-        });
-        let result = work();
-        ended.store(true, Ordering::Release);
-        result
-    }))
-}
-
-/// Asks `stop` when standard input closes. The thread waits there until then, or until the process ends.
-fn watch_stdin(stop: &Arc<StopFlag>) -> std::io::Result<()> {
-    let stop = Arc::clone(stop);
-    let watch = move || {
-        // Whether it ended or failed, nobody is there any more.
-        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
-        stop.request(STDIN_CLOSED);
-    };
-    std::thread::Builder::new().name("magsteer-stdin".to_owned()).spawn(watch).map(drop)
-}
-
-fn exit_of_signal(signal: Option<i32>) -> Exit {
-    match signal {
-        Some(libc::SIGINT) => Exit::Interrupted,
-        Some(libc::SIGTERM | libc::SIGHUP) => Exit::Terminated,
-        _ => Exit::Success,
-    }
 }
 
 fn summary(report: &RunReport) -> String {

@@ -56,10 +56,7 @@ pub fn draw(folder: &Path, config: &Config, played: &Played) -> anyhow::Result<V
 
 fn angle_history(index: usize, magnet: &str, samples: &[Sample]) -> AngleHistory {
     let curve = |of: fn(&Sample) -> &[[f64; 3]; magsteer_hal::MAGNETS_MAX]| {
-        samples
-            .iter()
-            .map(|sample| (sample.time_s, polar_angle(&of(sample)[index]).to_degrees()))
-            .collect()
+        samples.iter().map(|sample| (sample.time_s, polar_angle(&of(sample)[index]).to_degrees())).collect()
     };
     AngleHistory {
         magnet: magnet.to_owned(),
