@@ -102,7 +102,7 @@ fn a_problem_shows_its_line_with_carets() {
 #[test]
 fn check_answers_in_json_and_by_its_exit_code() {
     let folder = folder(&[
-        ("right.toml", RIGHT),
+        ("right.toml", &format!("{RIGHT}{STEERING}")),
         ("wrong.toml", &RIGHT.replace("distance_mm = 100.0", "distance_mm = -100.0")),
         ("broken.toml", "[rig\n"),
     ]);
