@@ -68,7 +68,7 @@ fn each_sent_message_costs_one_allocation_and_everything_else_none() {
         } else {
             let mut request = Actuation::default();
             // Refused every now and then, and beyond the limits always: faults must not allocate either.
-            request.current_a[0] = if now.nanoseconds() % 7 == 0 { f64::NAN } else { 100.0 };
+            request.current_a[0] = if now.nanoseconds().is_multiple_of(7) { f64::NAN } else { 100.0 };
             match gate.drive(&request, 1e-3, authority, Stamp::default()) {
                 Ok(admitted) => admitted.command,
                 Err(_) => gate.ramp_to_zero(1e-3, authority),

@@ -54,7 +54,7 @@ impl DaemonServices {
         Ok(DaemonEnd {
             pose: Inlet::new(self.pose, 1)?,
             feedback: Inlet::new(self.feedback, 1)?,
-            command: Outlet::new(self.command)?,
+            command: Outlet::sole(self.command, &self.node)?,
             pose_receiver: PoseReceiver::new(description),
             feedback_receiver: FeedbackReceiver::new(description),
             writer: CommandWriter::new(description),

@@ -47,13 +47,13 @@ impl DriverServices {
     /// Joins the topics; call it on the thread that takes commands and publishes.
     ///
     /// # Errors
-    /// When the transport fails.
+    /// When another process publishes as the rig's driver, or the transport fails.
     pub fn into_ports(self) -> Result<DriverEnd, ChannelError> {
         let epoch = Stamp::now().nanoseconds().max(1);
         Ok(DriverEnd {
-            pose: Outlet::new(self.pose)?,
-            feedback: Outlet::new(self.feedback)?,
-            truth: Outlet::new(self.truth)?,
+            pose: Outlet::sole(self.pose, &self.node)?,
+            feedback: Outlet::sole(self.feedback, &self.node)?,
+            truth: Outlet::sole(self.truth, &self.node)?,
             command: Inlet::new(self.command, 1)?,
             pose_header: HeaderWriter::new(epoch),
             feedback_header: HeaderWriter::new(epoch),

@@ -87,6 +87,14 @@ pub enum ChannelError {
         /// How long was waited.
         waited: Duration,
     },
+    /// A process that holds no lock publishes where one alone may.
+    #[error("service {service} already has a publisher: process {pid}")]
+    Rival {
+        /// The service.
+        service: String,
+        /// The process.
+        pid: u32,
+    },
     /// The service exists with settings that are not those of this build.
     #[error("service {service}: {setting} is {actual}, must be {expected}; was it made by another version?")]
     Settings {

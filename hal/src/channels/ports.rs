@@ -9,10 +9,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use iceoryx2::node::{NodeListFailure, NodeView};
 use iceoryx2::port::DegradationAction;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{BackpressureStrategy, IceoryxSend, PortFactory, ZeroCopySend, ipc};
+use iceoryx2::prelude::{
+    BackpressureStrategy, CallbackProgression, IceoryxSend, Node, NodeState, PortFactory, ZeroCopySend, ipc,
+};
 
 use super::error::ChannelError;
 use super::service::{Topic, retried};
@@ -50,24 +53,27 @@ impl Message for StatusMessage {
     }
 }
 
-/// When a port with a failed connection may be made anew.
+/// When a port with a failed connection may be made anew: in series of growing pauses, since one that keeps failing is
+/// to a dead process whose place nobody cleared. The next failure after a quiet time starts a new series.
 #[derive(Debug)]
 struct Repair {
     failed: Arc<AtomicBool>,
-    pause: Duration,
+    attempts: u32,
     not_before: Stamp,
 }
 
 impl Repair {
     const PAUSE_MIN: Duration = Duration::from_millis(20);
-    const PAUSE_MAX: Duration = Duration::from_secs(5);
+    /// The last pause is 2.56 s.
+    const ATTEMPTS_MAX: u32 = 8;
+    const QUIET: Duration = Duration::from_secs(5);
 
     fn new() -> Self {
-        Self {
-            failed: Arc::new(AtomicBool::new(false)),
-            pause: Self::PAUSE_MIN,
-            not_before: Stamp::default(),
-        }
+        Self { failed: Arc::new(AtomicBool::new(false)), attempts: 0, not_before: Stamp::default() }
+    }
+
+    fn note_failure(&self) {
+        self.failed.store(true, Ordering::Relaxed);
     }
 
     /// True when the port is to be made anew now.
@@ -76,10 +82,14 @@ impl Repair {
             return false;
         }
         self.failed.store(false, Ordering::Relaxed);
-        let was_sound_for = now.since(self.not_before);
-        self.pause = if was_sound_for > Self::PAUSE_MAX { Self::PAUSE_MIN } else { self.pause };
-        self.not_before = now.after(self.pause);
-        self.pause = (self.pause * 2).min(Self::PAUSE_MAX);
+        if now.since(self.not_before) > Self::QUIET {
+            self.attempts = 0;
+        }
+        if self.attempts >= Self::ATTEMPTS_MAX {
+            return false;
+        }
+        self.not_before = now.after(Self::PAUSE_MIN * 2_u32.pow(self.attempts));
+        self.attempts += 1;
         true
     }
 }
@@ -121,7 +131,7 @@ impl<T: Message> Inlet<T> {
             // Where making it fails the old one stays, and the failure is noted for the next time.
             match subscriber(&self.topic, self.buffer, &self.repair) {
                 Ok(subscriber) => self.subscriber = subscriber,
-                Err(_) => self.repair.failed.store(true, Ordering::Relaxed),
+                Err(_) => self.repair.note_failure(),
             }
         }
         // Bounded, should a sender be faster than this loop.
@@ -134,7 +144,7 @@ impl<T: Message> Inlet<T> {
                 }
                 Ok(None) => return Ok(()),
                 Err(_) => {
-                    self.repair.failed.store(true, Ordering::Relaxed);
+                    self.repair.note_failure();
                     return Err(());
                 }
             }
@@ -152,11 +162,23 @@ pub(super) struct Outlet<T: Message> {
 }
 
 impl<T: Message> Outlet<T> {
+    /// Joins `topic`, of which `node` must be the only living publisher.
+    pub(super) fn sole(topic: Topic<T>, node: &Node<ipc::Service>) -> Result<Self, ChannelError> {
+        let outlet = Self::new(topic)?;
+        let service = outlet.topic.name().to_string();
+        let rival = retried(&service, || rival_publisher(&outlet.topic, node))?;
+        match rival {
+            Some(pid) => Err(ChannelError::Rival { service, pid }),
+            None => Ok(outlet),
+        }
+    }
+
+    /// Joins `topic`.
     pub(super) fn new(topic: Topic<T>) -> Result<Self, ChannelError> {
         let repair = Repair::new();
         let name = topic.name().to_string();
         let publisher = retried(&name, || {
-            // The place of the only publisher may still be taken by one that was killed.
+            // Places may still be taken by processes that were killed.
             let _ = topic.try_cleanup_dead_nodes();
             publisher(&topic, &repair)
         })?;
@@ -166,21 +188,48 @@ impl<T: Message> Outlet<T> {
     /// Hands `message` to every subscriber; the one allocation of a sent message is the transport's.
     pub(super) fn send(&mut self, message: T, now: Stamp) -> Result<(), WriteError> {
         if self.repair.is_due(now) {
-            // The former one must go first: the topic may allow a single publisher.
+            // The former one goes first: a topic has a single publisher.
             self.publisher = None;
             self.publisher = publisher(&self.topic, &self.repair).ok();
             if self.publisher.is_none() {
-                self.repair.failed.store(true, Ordering::Relaxed);
+                self.repair.note_failure();
             }
         }
         let Some(publisher) = &self.publisher else {
             return Err(WriteError::Transport);
         };
         publisher.send_copy(message).map(|_| ()).map_err(|_| {
-            self.repair.failed.store(true, Ordering::Relaxed);
+            self.repair.note_failure();
             WriteError::Transport
         })
     }
+}
+
+/// The living process other than `node`'s that publishes on `topic`, 0 when it has no number.
+fn rival_publisher<T: Message>(
+    topic: &Topic<T>,
+    node: &Node<ipc::Service>,
+) -> Result<Option<u32>, NodeListFailure> {
+    let mut others = Vec::new();
+    topic.dynamic_config().list_publishers(|publisher| {
+        if publisher.node_id != *node.id() {
+            others.push(publisher.node_id);
+        }
+        CallbackProgression::Continue
+    });
+    let mut rival = None;
+    if !others.is_empty() {
+        Node::<ipc::Service>::list(node.config(), |state| {
+            if let NodeState::Alive(view) = state
+                && others.contains(view.id())
+            {
+                let pid = view.details().as_ref().map(|details| details.process_id().value());
+                rival = Some(pid.and_then(|pid| u32::try_from(pid).ok()).unwrap_or(0));
+            }
+            CallbackProgression::Continue
+        })?;
+    }
+    Ok(rival)
 }
 
 fn subscriber<T: Message>(
@@ -214,4 +263,56 @@ fn publisher<T: Message>(
             DegradationAction::Ignore
         })
         .create()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::super::service::{COMMAND, Topic, create_topic};
+    use super::super::{DaemonServices, DriverEnd, Endpoint};
+    use super::{ChannelError, Outlet, Repair};
+    use crate::message::CoilCommand;
+    use crate::scripted::example_description;
+    use crate::time::Stamp;
+
+    #[test]
+    fn commander_that_holds_no_lock_is_noticed_and_named() {
+        let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+        let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
+        let _driver = DriverEnd::create(&endpoint).expect("a driver");
+        let node = endpoint.node(Duration::ZERO).expect("a node");
+        let topic: Topic<CoilCommand> = create_topic(&node, &endpoint, COMMAND).expect("the topic");
+        let rogue = Outlet::sole(topic, &node).expect("alone so far");
+        let open = || DaemonServices::open(&endpoint, Duration::from_secs(5)).expect("a driver");
+        let refused = open().into_ports(&example_description()).expect_err("a rival");
+        let ChannelError::Rival { pid, .. } = refused else { panic!("{refused}") };
+        assert_eq!(pid, std::process::id());
+        drop((rogue, node));
+        open().into_ports(&example_description()).expect("alone again");
+    }
+
+    /// Milliseconds at which a port is made anew when every new one fails too.
+    fn repairs(repair: &mut Repair, from: u64, to: u64) -> Vec<u64> {
+        let at = |millisecond: u64| Stamp::from_nanoseconds(millisecond * 1_000_000);
+        (from..to)
+            .filter(|millisecond| {
+                repair.is_due(at(*millisecond)) && {
+                    repair.note_failure();
+                    true
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn port_that_keeps_failing_is_made_anew_in_series_that_end() {
+        let mut repair = Repair::new();
+        assert_eq!(repairs(&mut repair, 1000, 1100), [], "nothing failed");
+        repair.note_failure();
+        let series = [20_000, 20_020, 20_060, 20_140, 20_300, 20_620, 21_260, 22_540];
+        assert_eq!(repairs(&mut repair, 20_000, 100_000), series);
+        repair.note_failure();
+        assert_eq!(repairs(&mut repair, 100_000, 100_050), [100_000, 100_020], "a new series after quiet");
+    }
 }

@@ -37,6 +37,10 @@ const RETRY_PAUSE: Duration = Duration::from_millis(10);
 const HUNG_TIME: Duration = Duration::from_millis(500);
 
 /// Settings of a publish-subscribe service.
+///
+/// Places for publishers and subscribers are more than the rig needs: a process that is killed while it joins can leave
+/// its place taken until the service itself ends, and must not lock out its follower. That there is one publisher
+/// is kept by the role locks and checked by [`super::ports::Outlet::sole`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TopicSettings {
     pub(super) channel: &'static str,
@@ -49,16 +53,16 @@ pub(super) struct TopicSettings {
 }
 
 pub(super) const POSE: TopicSettings =
-    TopicSettings { channel: "pose", history: 1, buffer: 64, publishers: 1, subscribers: 4 };
+    TopicSettings { channel: "pose", history: 1, buffer: 64, publishers: 8, subscribers: 8 };
 pub(super) const FEEDBACK: TopicSettings =
-    TopicSettings { channel: "coil/feedback", history: 1, buffer: 64, publishers: 1, subscribers: 4 };
+    TopicSettings { channel: "coil/feedback", history: 1, buffer: 64, publishers: 8, subscribers: 8 };
 /// No history: a command for a former driver must not reach the next one.
 pub(super) const COMMAND: TopicSettings =
-    TopicSettings { channel: "coil/command", history: 0, buffer: 1, publishers: 1, subscribers: 2 };
+    TopicSettings { channel: "coil/command", history: 0, buffer: 1, publishers: 8, subscribers: 8 };
 pub(super) const TRUTH: TopicSettings =
-    TopicSettings { channel: "sim/truth", history: 1, buffer: 512, publishers: 1, subscribers: 4 };
+    TopicSettings { channel: "sim/truth", history: 1, buffer: 512, publishers: 8, subscribers: 8 };
 pub(super) const STATUS: TopicSettings =
-    TopicSettings { channel: "status", history: 1, buffer: 64, publishers: 2, subscribers: 16 };
+    TopicSettings { channel: "status", history: 1, buffer: 64, publishers: 8, subscribers: 16 };
 
 pub(super) const REQUEST: &str = "request";
 pub(super) const TARGET_SET: &str = "target/set";
@@ -119,9 +123,10 @@ pub(super) fn create_requests(
             .request_response::<OperatorRequest, OperatorAnswer>()
             // A request whose sender no longer waits counts as not done.
             .enable_fire_and_forget_requests(false)
-            .max_servers(1)
+            // One serves; more places for the reason given at `TopicSettings`.
+            .max_servers(4)
             .max_clients(16)
-            .max_nodes(20)
+            .max_nodes(24)
             .open_or_create_with_attributes(&attributes)
     })
 }
@@ -260,8 +265,7 @@ pub(super) fn transport(service: &str, error: impl Error + Send + Sync + 'static
     ChannelError::Transport { service: service.to_owned(), cause: Box::new(error) }
 }
 
-/// The transport takes settings for least values when it opens a service: what was found must be what is meant,
-/// above all the number of publishers, which makes a daemon the only one.
+/// The transport takes settings for least values when it opens a service: what was found must be what is meant.
 fn check_settings<T: IceoryxSend + std::fmt::Debug + 'static>(
     topic: Topic<T>,
     service: &str,
