@@ -1,82 +1,9 @@
 //! Mistyped configurations: each is refused with its file, line, value and what would be right.
 
-use std::fs;
-use std::path::Path;
-use std::process::Command;
+mod right_config;
 
-use magsteer::config::{Config, Document, Experiment, Problem, ProblemKind, Problems};
-use tempfile::TempDir;
-
-/// A right configuration, small enough to be seen at once; every case below changes one thing in it.
-const RIGHT: &str = r#"
-[rig]
-name = "bench"
-workspace_center_mm = [0.0, 0.0, 0.0]
-workspace_diameter_mm = 110.0
-gravity_m_per_s2 = [0.0, 0.0, -9.81]
-
-[[frames]]
-name = "bottom"
-axis = [0.0, 0.0, 1.0]
-pivot_mm = [0.0, 0.0, 0.0]
-angle_min_deg = -180.0
-angle_max_deg = 180.0
-speed_max_deg_per_s = 45.0
-
-[coil_types.air]
-coefficients_si = [6.4e-7, 1.9e-8]
-valid_from_x_mm = 43.0
-current_max_a = 8.0
-slew_max_a_per_s = 300.0
-resistance_ohm = 5.0
-inductance_h = 0.1
-supply_v = 48.0
-
-[[coils]]
-name = "left"
-type = "air"
-azimuth_deg = 0.0
-elevation_deg = -30.0
-distance_mm = 100.0
-frame = "bottom"
-
-[manipulator]
-base_position_mm = [-30.0, 0.0, 0.0]
-base_tangent = [1.0, 0.0, 0.0]
-base_roll_deg = 0.0
-
-[manipulator.materials.rubber]
-young_modulus_mpa = 2.0
-poisson_ratio = 0.45
-density_kg_per_m3 = 1030.0
-
-[[manipulator.parts]]
-section = { material = "rubber", length_mm = 25.0, diameter_mm = 2.0, extensible = false }
-
-[[manipulator.parts]]
-magnet = { name = "m1", length_mm = 4.0, diameter_mm = 2.0, density_kg_per_m3 = 7500.0, moment_body_a_m2 = [0.0, 0.0, 0.01] }
-"#;
-
-/// A right `[daemon]`, kept apart since some tests append parts to [`RIGHT`].
-const DAEMON: &str = r#"
-[daemon]
-rate_hz = 1000.0
-command_validity_ms = 100.0
-pose_hold_ms = 50.0
-pose_stop_ms = 250.0
-feedback_stop_ms = 200.0
-model_stop_ms = 250.0
-ramp_timeout_ms = 1000.0
-ramp_done_a = 0.1
-overcurrent_margin_a = 0.5
-arm_timeout_ms = 150.0
-overrun_fraction = 0.5
-overrun_window_ms = 400.0
-realtime = "best-effort"
-priority = 80
-lock_memory = true
-status_rate_hz = 100.0
-"#;
+use magsteer::config::ProblemKind;
+use right_config::{RIGHT, STEERING, line_of, refused};
 
 /// One change to [`RIGHT`], and what the refusal must say.
 struct Case {
@@ -210,7 +137,7 @@ const CASES: &[Case] = &[
 ];
 
 #[rustfmt::skip]
-const DAEMON_CASES: &[Case] = &[
+const STEERING_CASES: &[Case] = &[
     Case { claim: "a rate above the range is refused with the range",
         change: ("rate_hz = 1000.0\ncommand", "rate_hz = 50000.0\ncommand"), line: "rate_hz = 50000.0",
         kind: Value, key: "daemon.rate_hz", value: "50000", expected: "from 50 to 10000" },
@@ -232,6 +159,18 @@ const DAEMON_CASES: &[Case] = &[
     Case { claim: "a negative whole number is refused",
         change: ("priority = 80", "priority = 80\ncpu = -1"), line: "cpu = -1",
         kind: Value, key: "daemon.cpu", value: "-1", expected: "a whole number from 0" },
+    Case { claim: "a mesh without a step is refused",
+        change: ("segment_length_max_mm = 3.2", "segment_length_max_mm = 0.0"), line: "segment_length_max_mm",
+        kind: Value, key: "rod.segment_length_max_mm", value: "0", expected: "finite and > 0" },
+    Case { claim: "a tolerance below rounding is refused",
+        change: ("residual_tolerance = 1e-10", "residual_tolerance = 1e-20"), line: "residual_tolerance",
+        kind: Value, key: "rod.residual_tolerance", value: "0.00000000000000000001", expected: "from 0.00000000000001 to 0.01" },
+    Case { claim: "a gain of zero is refused",
+        change: ("proportional_per_s = 5.0", "proportional_per_s = 0.0"), line: "proportional_per_s",
+        kind: Value, key: "control.proportional_per_s", value: "0", expected: "from 0.001 to 1000" },
+    Case { claim: "an unknown law is refused and the known ones named",
+        change: ("\"bounded\"", "\"pseudoinverse\""), line: "allocation",
+        kind: Value, key: "control.allocation", value: "\"pseudoinverse\"", expected: "one of bounded, truncated-svd" },
     Case { claim: "a missing time-out has no hidden default",
         change: ("model_stop_ms = 250.0\n", ""), line: "[daemon]",
         kind: Missing, key: "daemon.model_stop_ms", value: "", expected: "given in `daemon`" },
@@ -239,25 +178,11 @@ const DAEMON_CASES: &[Case] = &[
 
 /// Each case with the right text that it changes.
 fn cases() -> impl Iterator<Item = (&'static Case, String)> {
-    let daemon = || format!("{RIGHT}{DAEMON}");
+    let steering = || format!("{RIGHT}{STEERING}");
     CASES
         .iter()
         .map(|case| (case, RIGHT.to_owned()))
-        .chain(DAEMON_CASES.iter().map(move |case| (case, daemon())))
-}
-
-/// Number of the line, 1 first, that holds `text`; 1 for no text.
-fn line_of(file: &str, text: &str) -> usize {
-    match file.find(text) {
-        Some(at) if !text.is_empty() => file[..at].matches('\n').count() + 1,
-        _ => 1,
-    }
-}
-
-fn refused(text: &str) -> Vec<Problem> {
-    let checked =
-        Document::from_text("bench.toml", text).and_then(|document| Config::from_document(&document));
-    checked.err().map(Problems::into_vec).unwrap_or_default()
+        .chain(STEERING_CASES.iter().map(move |case| (case, steering())))
 }
 
 #[test]
@@ -398,155 +323,55 @@ fn a_magnet_may_come_first_and_a_coil_may_stand_still() {
     assert_eq!(refused(&text), vec![]);
 }
 
-/// A folder with files of the given names and texts.
-fn folder(files: &[(&str, &str)]) -> TempDir {
-    let folder = TempDir::new().unwrap();
-    for (name, text) in files {
-        fs::write(folder.path().join(name), text).unwrap();
-    }
-    folder
-}
-
-fn load(folder: &TempDir, name: &str) -> Result<(Document, Config), Problems> {
-    Config::load(&folder.path().join(name))
-}
-
-fn only_problem(loaded: Result<(Document, Config), Problems>) -> Problem {
-    let problems = loaded.expect_err("must be refused").into_vec();
-    assert_eq!(problems.len(), 1, "{problems:#?}");
-    problems.into_iter().next().unwrap()
-}
-
+/// Goal: whatever stands in place of a value, and whichever line is missing, the answer is a configuration or problems with
+/// places: never a panic.
 #[test]
-fn a_file_overrides_key_by_key_and_replaces_arrays() {
-    let over = "extends = \"base.toml\"\n[rig]\nname = \"other\"\n[[coils]]\nname = \"only\"\ntype = \"air\"\n\
-        azimuth_deg = 90\nelevation_deg = 0\ndistance_mm = 90\n[coil_types.air]\nsupply_v = 24.0\n";
-    let two_coils = RIGHT.replace(
-        "[manipulator]",
-        "[[coils]]\nname = \"right\"\ntype = \"air\"\nazimuth_deg = 180.0\n\
-        elevation_deg = 0.0\ndistance_mm = 100.0\n\n[manipulator]",
-    );
-    let folder = folder(&[("base.toml", &two_coils), ("over.toml", over)]);
-    let (document, config) = load(&folder, "over.toml").unwrap();
-    assert_eq!(document.files().count(), 2);
-    assert_eq!(config.description.rig, "other");
-    assert_eq!(config.description.workspace.radius, 0.055);
-    assert_eq!(config.description.coils.len(), 1);
-    assert_eq!(config.description.coils[0].supply_voltage, 24.0);
-    assert_eq!(config.description.coils[0].resistance, 5.0);
-}
-
-#[test]
-fn a_value_is_refused_in_the_file_that_holds_it() {
-    let folder = folder(&[
-        ("base.toml", RIGHT),
-        ("middle.toml", "extends = \"base.toml\"\n\n[coil_types.air]\nsupply_v = -1.0\n"),
-        ("top.toml", "extends = \"middle.toml\"\n[rig]\nname = \"top\"\n"),
-    ]);
-    let problem = only_problem(load(&folder, "top.toml"));
-    assert!(problem.file.ends_with("middle.toml"), "{problem:?}");
-    assert_eq!((problem.line, problem.column), (4, 12));
-    assert_eq!(problem.key, "coil_types.air.supply_v");
-}
-
-#[test]
-fn a_chain_that_closes_upon_itself_is_refused() {
-    let folder = folder(&[
-        ("a.toml", "extends = \"b.toml\"\n"),
-        ("b.toml", "extends = \"./c.toml\"\n"),
-        ("c.toml", "# here\nextends = \"b.toml\"\n"),
-        ("self.toml", "extends = \"self.toml\"\n"),
-    ]);
-    let problem = only_problem(load(&folder, "a.toml"));
-    assert!(problem.file.ends_with("c.toml"), "{problem:?}");
-    assert_eq!((problem.problem, problem.line, problem.key.as_str()), (Value, 2, "extends"));
-    assert!(problem.value.contains("a.toml -> b.toml -> c.toml -> b.toml"), "{problem:?}");
-    assert!(only_problem(load(&folder, "self.toml")).value.contains("self.toml -> self.toml"));
-}
-
-#[test]
-fn a_missing_file_is_refused_at_the_place_that_names_it() {
-    let folder = folder(&[("a.toml", "\nextends = \"gone.toml\"\n"), ("b.toml", "extends = 3\n")]);
-    let problem = only_problem(load(&folder, "gone.toml"));
-    assert_eq!((problem.problem, problem.line), (ProblemKind::Unreadable, 0));
-    assert!(problem.file.ends_with("gone.toml"), "{problem:?}");
-    let problem = only_problem(load(&folder, "a.toml"));
-    assert_eq!((problem.problem, problem.line, problem.column), (ProblemKind::Unreadable, 2, 11));
-    assert!(problem.value.contains("gone.toml") && problem.value.contains("no such file"), "{problem:?}");
-    let problem = only_problem(load(&folder, "b.toml"));
-    assert_eq!((problem.problem, problem.value.as_str()), (Value, "3"));
-}
-
-#[test]
-fn a_problem_shows_its_line_with_carets() {
-    let problems = refused(&RIGHT.replace("supply_v = 48.0", "supply_v = -48.0"));
-    let message = problems[0].to_string();
-    let lines: Vec<&str> = message.lines().collect();
-    assert_eq!(lines[0], "bench.toml:23:12: coil_types.air.supply_v = -48: must be finite and > 0");
-    assert_eq!(lines[1..], ["   |", "23 | supply_v = -48.0", "   |            ^^^^^"]);
-}
-
-#[test]
-fn check_answers_in_json_and_by_its_exit_code() {
-    let folder = folder(&[
-        ("right.toml", RIGHT),
-        ("wrong.toml", &RIGHT.replace("distance_mm = 100.0", "distance_mm = -100.0")),
-        ("broken.toml", "[rig\n"),
-    ]);
-    let check = |name: &str| {
-        let command = Command::new(env!("CARGO_BIN_EXE_magsteer"))
-            .args(["check", "--json"])
-            .arg(folder.path().join(name))
-            .output()
-            .unwrap();
-        let answer: serde_json::Value = serde_json::from_slice(&command.stdout).unwrap();
-        (command.status.code().unwrap(), answer)
-    };
-    let (code, answer) = check("right.toml");
-    assert_eq!((code, &answer["ok"], &answer["errors"]), (0, &true.into(), &serde_json::json!([])));
-    let (code, answer) = check("wrong.toml");
-    assert_eq!((code, &answer["ok"]), (78, &false.into()));
-    let error = &answer["errors"][0];
-    let file = Path::new(error["file"].as_str().unwrap()).file_name().unwrap();
-    assert_eq!(file, "wrong.toml");
-    let line = line_of(RIGHT, "distance_mm");
-    assert_eq!((&error["line"], &error["column"]), (&line.into(), &15.into()));
-    assert_eq!((&error["key"], &error["value"]), (&"coils[0].distance_mm".into(), &"-100".into()));
-    assert_eq!(error["expected"], "finite and > 0");
-    assert_eq!(check("broken.toml").0, 78);
-    assert_eq!(check("absent.toml").0, 66);
-}
-
-const STEPS: &str = "description = \"test\"\naxis = [0.0, 1.0, 0.0]\nzero_direction = [0.0, 0.0, 1.0]\n\
-    [[steps]]\ntarget_deg = { m1 = 90.0, m2 = 70.0 }\nduration_s = 4.0\n";
-
-#[test]
-fn mistyped_experiments_are_refused_alike() {
-    let cases = [
-        ("m2 = 70.0", "m3 = 70.0", "steps[0].target_deg.m3", "m1, m2"),
-        (", m2 = 70.0", "", "steps[0].target_deg", "each magnet (m1, m2)"),
-        ("m2 = 70.0", "m2 = 700.0", "steps[0].target_deg.m2", "from -360 to 360"),
-        ("m2 = 70.0", "m2 = \"70deg\"", "steps[0].target_deg.m2", "a number"),
-        ("duration_s = 4.0", "duration_s = 0", "steps[0].duration_s", "> 0"),
-        (
-            "duration_s = 4.0",
-            "duration = 4.0\nduration_s = 4.0",
-            "steps[0].duration",
-            "did you mean `duration_s`?",
-        ),
-        ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.0, 0.0]", "axis", "other than zero"),
-        ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 1.0, 1.0]", "zero_direction", "perpendicular"),
+fn no_value_and_no_missing_line_escapes_the_checks() {
+    let odd = [
+        "nan",
+        "-inf",
+        "-1",
+        "0",
+        "0.0",
+        "1e308",
+        "-1e308",
+        "5e-324",
+        "9223372036854775807",
+        "\"\"",
+        "\"x\"",
+        "true",
+        "1979-05-27",
+        "[]",
+        "[nan, inf, 0]",
+        "[[1]]",
+        "{}",
+        "{ x = 1 }",
+        "[{}]",
     ];
-    let read = |text: &str| {
-        let document = Document::from_text("steps.toml", text)?;
-        Experiment::from_document(&document, &["m1", "m2"])
+    let right = format!("{RIGHT}{STEERING}");
+    let mut refusals = 0;
+    let mut check = |text: &str, change: &str| {
+        for problem in refused(text) {
+            refusals += 1;
+            assert!(problem.line >= 1 && problem.column >= 1, "{change}: {problem:?}");
+            assert!(!problem.expected.is_empty(), "{change}: {problem:?}");
+            assert!(problem.to_string().starts_with("bench.toml:"), "{change}: {problem}");
+        }
     };
-    assert!(read(STEPS).is_ok());
-    for (from, to, key, expected) in cases {
-        let problems = read(&STEPS.replace(from, to)).expect_err(to).into_vec();
-        let problem = problems.iter().find(|problem| problem.key == key);
-        let problem = problem.unwrap_or_else(|| panic!("{to}: {problems:#?}"));
-        assert!(problem.expected.contains(expected), "{problem:?}");
-        assert!(problem.line >= 2 && problem.to_string().starts_with("steps.toml:"), "{problem:?}");
+    for (at, line) in right.lines().enumerate() {
+        let with = |replacement: &str| {
+            let lines = right.lines().enumerate();
+            lines
+                .map(|(index, line)| if index == at { replacement } else { line })
+                .collect::<Vec<_>>()
+                .join("\n")
+        };
+        check(&with(""), &format!("without {line}"));
+        let Some((key, _)) = line.split_once(" = ") else { continue };
+        for value in odd {
+            let replacement = format!("{key} = {value}");
+            check(&with(&replacement), &replacement);
+        }
     }
+    assert!(refusals > 1000, "most of these are wrong: {refusals}");
 }

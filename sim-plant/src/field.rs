@@ -18,8 +18,9 @@
 //! `u = -sum A_k r^-(k+3) P'_(k+1)`, `w = sum A_k r^-(k+2) P'_k`, `A_k = a_k (-1)^k k!`, whose gradient
 //! needs only the derivatives of the two scalars by `r` and `c`.
 //!
-//! The series holds only outside the source: each coil has a least local x, and a sample taken
-//! nearer says so.
+//! The series holds only outside the source: each coil has a least local x. A sample taken nearer says
+//! so, and is that of the nearest point at the least x: wrenches stay bounded where the series would
+//! turn over and grow without limit.
 
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::config::ORDER_MAX;
@@ -116,8 +117,9 @@ impl CoilArray {
     pub fn at(&self, point: &Vector3<f64>) -> Field {
         let mut total = Field::zero();
         for coil in self.coils.iter().filter(|coil| coil.current != 0.0) {
-            let local = coil.rotation.tr_mul(&(point - coil.position));
+            let mut local = coil.rotation.tr_mul(&(point - coil.position));
             total.valid &= local.x >= coil.valid_from_x;
+            local.x = local.x.max(coil.valid_from_x);
             let (flux, gradient) = coil.local(&local);
             total.flux += coil.rotation * (flux * coil.current);
             total.gradient += coil.rotation * (gradient * coil.current) * coil.rotation.transpose();

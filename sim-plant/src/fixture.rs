@@ -67,6 +67,27 @@ pub fn bigmag_config() -> HardwareConfig {
     serde_json::from_value(value).expect("the fixture is a hardware configuration")
 }
 
+/// The `[plant]` tables with which the shipped rigs run, without parameter errors.
+pub fn plant_tables() -> Value {
+    json!({
+        "seed": 1, "step_us": 500, "sensor": "tracker",
+        "rod": {"element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2},
+        "amplifier": {"bandwidth_hz": 200.0},
+        "errors": {"modulus_relative": 0.0, "moment_relative": 0.0, "coil_gain_relative": 0.0},
+        "sensors": {
+            "tracker": {
+                "rate_hz": 200.0, "latency_ms": 5.0, "orientation_noise_deg": 0.2,
+                "position_noise_mm": 0.1, "dropout_probability": 0.0
+            },
+            "camera": {
+                "rate_hz": 30.0, "latency_ms": 60.0, "orientation_noise_deg": 0.5,
+                "position_noise_mm": 0.3, "dropout_probability": 0.0
+            }
+        },
+        "real_time": {"wake_us": 1000, "catch_up_max_ms": 50, "truth_period_ms": 5}
+    })
+}
+
 /// [`bigmag_config`], built.
 pub fn bigmag() -> HardwareDescription {
     bigmag_config().build().expect("the fixture is valid")

@@ -22,6 +22,8 @@ pub struct SimulatedRig {
     pose: PoseReceiver,
     feedback: FeedbackReceiver,
     writer: CommandWriter,
+    injected_pose: Option<PoseMessage>,
+    injected_feedback: Option<CoilFeedback>,
 }
 
 impl SimulatedRig {
@@ -37,6 +39,8 @@ impl SimulatedRig {
             pose: PoseReceiver::new(description),
             feedback: FeedbackReceiver::new(description),
             writer: CommandWriter::new(description),
+            injected_pose: None,
+            injected_feedback: None,
         }
     }
 
@@ -44,6 +48,16 @@ impl SimulatedRig {
     #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant
+    }
+
+    /// The next read receives exactly these poses in place of the sensor's.
+    pub fn inject_pose(&mut self, message: PoseMessage) {
+        self.injected_pose = Some(message);
+    }
+
+    /// The next read receives exactly this feedback in place of the driver's.
+    pub fn inject_feedback(&mut self, message: CoilFeedback) {
+        self.injected_feedback = Some(message);
     }
 
     /// The newest messages that came about on the way to `now`.
@@ -75,6 +89,8 @@ impl SimulatedRig {
 impl Hardware for SimulatedRig {
     fn read(&mut self, now: Stamp) -> Sensed {
         let (pose, feedback) = self.advance_to(now);
+        let pose = self.injected_pose.take().or(pose);
+        let feedback = self.injected_feedback.take().or(feedback);
         Sensed {
             pose: self.pose.receive(pose.as_ref(), now),
             feedback: self.feedback.receive(feedback.as_ref(), now),

@@ -59,10 +59,10 @@ impl PoseSensor {
         }
     }
 
-    /// Starts anew at `start`: exposures under way are lost.
+    /// Starts anew at `start`, the next exposure one period after it: exposures under way are lost.
     pub fn restart(&mut self, start: Stamp) {
         self.pending.clear();
-        self.next_exposure = start;
+        self.next_exposure = start.after(self.character.period);
     }
 
     /// True when an exposure falls on or before `now`; [`Self::expose`] then takes it.

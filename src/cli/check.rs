@@ -113,7 +113,36 @@ impl Check {
     }
 }
 
-/// Every section, that of the simulated plant included where this build has it.
+/// Every section, the simulated plant's among them where this build has it.
 fn check(document: &Document) -> Result<Config, Problems> {
-    Config::from_document(document)
+    let checked = Config::from_document(document);
+    let plant = check_plant(document, checked.as_ref().ok());
+    match checked {
+        Ok(config) => Problems::refuse(plant, config),
+        Err(problems) => {
+            let all = problems.into_vec().into_iter().chain(plant).collect();
+            Err(Problems::new(all).expect("there was one"))
+        }
+    }
+}
+
+/// What is wrong with `[plant]`. Its ranges are checked once the rig that it simulates is right.
+#[cfg(feature = "sim")]
+fn check_plant(document: &Document, config: Option<&Config>) -> Vec<Problem> {
+    if !document.has("plant") {
+        return Vec::new();
+    }
+    match document.section::<magsteer_sim_plant::PlantConfig>("plant") {
+        Ok(plant) => {
+            let built = config.map(|config| plant.build(&config.description));
+            document.refuse(built.and_then(Result::err).unwrap_or_default())
+        }
+        Err(problems) => problems.into_vec(),
+    }
+}
+
+/// This build has no plant that could say what is wrong.
+#[cfg(not(feature = "sim"))]
+fn check_plant(_: &Document, _: Option<&Config>) -> Vec<Problem> {
+    Vec::new()
 }

@@ -9,6 +9,7 @@ use super::field::Field;
 use super::operator::RequestArgs;
 use super::output;
 use super::run::Run;
+use super::shape::Shape;
 use super::status::Status;
 use super::target::Target;
 
@@ -47,6 +48,7 @@ pub enum Command {
     Estop(RequestArgs),
     Check(Check),
     Field(Field),
+    Shape(Shape),
 }
 
 impl Command {
@@ -63,6 +65,7 @@ impl Command {
             Self::Estop(request) => request.run(verb::ESTOP),
             Self::Check(command) => command.run(),
             Self::Field(command) => command.run(),
+            Self::Shape(command) => command.run(),
         }
     }
 }

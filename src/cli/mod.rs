@@ -12,6 +12,8 @@ mod operator;
 mod output;
 mod rig_file;
 mod run;
+mod shape;
+mod shape_answer;
 mod shipped;
 mod status;
 mod target;

@@ -7,8 +7,8 @@
 //! | `x` | increment over range |
 //! | `dPhi` | wanted orientation step |
 //!
-//! Method `bounded`: minimise `|J s x - dPhi|^2 + d |x - x_pref|^2` within the limits on value and rate, where `x_pref` lets currents
-//! decay; with `d` small this acts where `J` does not see it. Method `truncated-svd`: eqs. (18) and (19) over the same scaled
+//! Method `bounded`: minimise `|J s x - dPhi|^2 + d |x - x_pref|^2` within the limits on value and rate. `x_pref` lies in the null space of
+//! `J s`: it lets currents decay, and leads away from snap-through where the margin of stability is too small. Method `truncated-svd`: eqs. (18) and (19) over the same scaled
 //! parameters, then the whole step shortened until the first limit is met. Scaling is a deviation from (18), which mixes amperes and radians.
 
 use magsteer_hal::{Actuation, HardwareDescription};
@@ -37,6 +37,23 @@ struct Limits {
     range: f64,
 }
 
+/// What one cycle wants.
+#[derive(Debug, Clone, Copy)]
+pub struct Wish<'a> {
+    /// Orientation Jacobian by rows, rad/A and rad/rad.
+    pub jacobian: &'a [f64],
+    /// Orientation step of each row, rad.
+    pub step: &'a [f64],
+    /// Present currents and angles.
+    pub admitted: &'a Actuation,
+    /// Time since the previous cycle, s.
+    pub period: f64,
+    /// Margin of stability.
+    pub margin: f64,
+    /// Its change with each parameter, 1/A and 1/rad.
+    pub margin_gradient: &'a [f64],
+}
+
 /// What an allocation did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Allocated {
@@ -52,6 +69,8 @@ pub struct Allocation {
     kind: AllocationKind,
     damping: f64,
     release: f64,
+    margin_wanted: f64,
+    margin_rate: f64,
     ratio_max: f64,
     coils: usize,
     limits: Vec<Limits>,
@@ -59,6 +78,7 @@ pub struct Allocation {
     svd: ThinSvd,
     scaled: Vec<f64>,
     preferred: Vec<f64>,
+    away: Vec<f64>,
     lower: Vec<f64>,
     upper: Vec<f64>,
     increment: Vec<f64>,
@@ -87,6 +107,8 @@ impl Allocation {
             kind: config.allocation,
             damping: config.damping,
             release: config.current_release_per_s,
+            margin_wanted: config.stability_margin,
+            margin_rate: config.stability_rate_per_s,
             ratio_max: config.singular_ratio_max,
             coils: description.coils.len(),
             limits,
@@ -94,33 +116,31 @@ impl Allocation {
             svd: ThinSvd::new(rows, unknowns),
             scaled: vec![0.0; rows * unknowns],
             preferred: vec![0.0; unknowns],
+            away: vec![0.0; unknowns],
             lower: vec![0.0; unknowns],
             upper: vec![0.0; unknowns],
             increment: vec![0.0; unknowns],
         }
     }
 
-    /// Chooses the increments for one cycle: `jacobian` by rows (rad/A, rad/rad), `step` the wanted orientation step (rad), `admitted` the
-    /// present actuation, `period` the cycle's, s. The increments (A, rad) are then in [`Self::increment`].
-    pub fn allocate(
-        &mut self,
-        jacobian: &[f64],
-        step: &[f64],
-        admitted: &Actuation,
-        period: f64,
-    ) -> Allocated {
+    /// Chooses the increments for one cycle. They are then in [`Self::increment`].
+    pub fn allocate(&mut self, wish: &Wish<'_>) -> Allocated {
         let unknowns = self.limits.len();
-        for (scaled, row) in self.scaled.chunks_exact_mut(unknowns).zip(jacobian.chunks_exact(unknowns)) {
+        for (scaled, row) in self.scaled.chunks_exact_mut(unknowns).zip(wish.jacobian.chunks_exact(unknowns))
+        {
             for ((entry, value), limits) in scaled.iter_mut().zip(row).zip(&self.limits) {
                 // A parameter that may not move is none: it must not take a share of the step.
                 *entry = if limits.rate > 0.0 { value * limits.range } else { 0.0 };
             }
         }
-        self.bound(admitted, period);
+        self.bound(wish);
         self.svd.decompose(&self.scaled);
         let saturated = match self.kind {
-            AllocationKind::Bounded => self.bounded(step),
-            AllocationKind::TruncatedSvd => self.truncated(step),
+            AllocationKind::Bounded => {
+                self.prefer(wish);
+                self.bounded(wish.step)
+            }
+            AllocationKind::TruncatedSvd => self.truncated(wish.step),
         };
         for (increment, limits) in self.increment.iter_mut().zip(&self.limits) {
             *increment *= limits.range;
@@ -134,18 +154,38 @@ impl Allocation {
         &self.increment
     }
 
-    /// The box of this cycle and the point preferred where the magnets do not care.
-    fn bound(&mut self, admitted: &Actuation, period: f64) {
-        let present = admitted.current_a[..self.coils].iter().chain(&admitted.angle_rad);
+    /// The box of this cycle.
+    fn bound(&mut self, wish: &Wish<'_>) {
+        let present = wish.admitted.current_a[..self.coils].iter().chain(&wish.admitted.angle_rad);
         for (index, (limits, present)) in self.limits.iter().zip(present).enumerate() {
-            let reach = limits.rate * period;
+            let reach = limits.rate * wish.period;
             let lower = (limits.least - present).max(-reach).min(0.0);
             let upper = (limits.most - present).min(reach).max(0.0);
             self.lower[index] = lower / limits.range;
             self.upper[index] = upper / limits.range;
-            let released =
-                if index < self.coils { -present * self.release * period / limits.range } else { 0.0 };
-            self.preferred[index] = released.clamp(self.lower[index], self.upper[index]);
+        }
+    }
+
+    /// Where to go as far as the magnets do not turn: currents decay, and a lost margin is regained at its rate.
+    fn prefer(&mut self, wish: &Wish<'_>) {
+        for (index, (preferred, limits)) in self.preferred.iter_mut().zip(&self.limits).enumerate() {
+            let present = if index < self.coils { wish.admitted.current_a[index] } else { 0.0 };
+            *preferred = -present * self.release * wish.period / limits.range;
+        }
+        self.svd.project_to_null_space(self.ratio_max, &mut self.preferred);
+        let lost = self.margin_wanted - wish.margin;
+        if lost <= 0.0 {
+            return;
+        }
+        for ((away, gradient), limits) in self.away.iter_mut().zip(wish.margin_gradient).zip(&self.limits) {
+            *away = if limits.rate > 0.0 { gradient * limits.range } else { 0.0 };
+        }
+        self.svd.project_to_null_space(self.ratio_max, &mut self.away);
+        let slope: f64 = self.away.iter().map(|entry| entry * entry).sum();
+        // A flat margin would be chased without end: a slope below 1 over the whole range is taken as 1.
+        let length = lost.min(self.margin_wanted) * self.margin_rate * wish.period / slope.max(1.0);
+        for (preferred, away) in self.preferred.iter_mut().zip(&self.away) {
+            *preferred += away * length;
         }
     }
 

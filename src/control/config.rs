@@ -30,6 +30,11 @@ pub struct ControlConfig {
     pub damping: f64,
     /// Rate at which currents decay in directions that do not turn the magnets, 1/s, >= 0.
     pub current_release_per_s: f64,
+    /// Margin of stability below which the actuation moves away from snap-through, where the targets leave room, 0 to 10;
+    /// 1 is the rod at rest, 0 the snap.
+    pub stability_margin: f64,
+    /// Rate at which a lost margin is regained, 1/s, >= 0.
+    pub stability_rate_per_s: f64,
     /// `"steer"` to turn the frames, `"hold"` to leave them where they are.
     pub frame_angles: FrameUse,
     /// Most shooting passes in one cycle, 1 to 20.
@@ -58,6 +63,8 @@ impl ControlConfig {
         checks.within("control.singular_ratio_max", self.singular_ratio_max, 1.0, 1e12);
         checks.within("control.damping", self.damping, 1e-12, 1.0);
         checks.within("control.current_release_per_s", self.current_release_per_s, 0.0, 100.0);
+        checks.within("control.stability_margin", self.stability_margin, 0.0, 10.0);
+        checks.within("control.stability_rate_per_s", self.stability_rate_per_s, 0.0, 1e3);
         checks.within("control.passes_max", f64::from(self.passes_max), 1.0, 20.0);
         checks.into_result(()).err().unwrap_or_default()
     }

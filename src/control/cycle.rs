@@ -11,7 +11,7 @@
 use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX, PoseMessage};
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
-use super::allocation::Allocation;
+use super::allocation::{Allocation, Wish};
 use super::config::ControlConfig;
 use super::error::OrientationError;
 use super::integral::ProportionalIntegral;
@@ -54,6 +54,8 @@ pub struct ModelReport {
     pub passes: u32,
     /// Cycles since the Jacobian in use was computed; 0 when it is this cycle's.
     pub jacobian_age: u32,
+    /// Margin of stability of the last good equilibrium: 1 for the rod at rest, 0 where it snaps through.
+    pub margin: f64,
     /// False when a magnet lies outside the field model's range.
     pub field_valid: bool,
 }
@@ -192,7 +194,14 @@ impl Cycle {
         for (step, velocity) in rows.step.iter_mut().zip(&rows.velocity) {
             *step = velocity * input.period;
         }
-        let allocated = self.allocation.allocate(&rows.jacobian, &rows.step, &input.admitted, input.period);
+        let allocated = self.allocation.allocate(&Wish {
+            jacobian: &rows.jacobian,
+            step: &rows.step,
+            admitted: &input.admitted,
+            period: input.period,
+            margin: self.model.margin(),
+            margin_gradient: self.model.margin_gradient(),
+        });
         let increment = self.allocation.increment();
         for (achieved, row) in
             rows.achieved.iter_mut().zip(rows.jacobian.chunks_exact(increment.len().max(1)))

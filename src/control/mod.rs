@@ -12,7 +12,7 @@ mod integral;
 mod model;
 mod reference;
 
-pub use allocation::{Allocated, Allocation, AllocationKind};
+pub use allocation::{Allocated, Allocation, AllocationKind, Wish};
 pub use config::{ControlConfig, FrameUse};
 pub use cycle::{Cycle, CycleInput, CycleOutcome, Directions, ModelReport, Step};
 pub use error::{OrientationError, OrientationErrorKind};

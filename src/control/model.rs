@@ -3,6 +3,10 @@
 //! Currents and angles change little between two cycles, so that the base unknowns of the last one are a good guess and about one
 //! Newton step a cycle keeps up. A pass that comes close enough gives tangents and Jacobian of this cycle; else the last
 //! good Jacobian stays in use and its age is reported, for the supervisor to judge.
+//!
+//! Magnetic stiffness can make an equilibrium lose its stability long before a current meets its limit: the rod snaps through. The
+//! determinant of the residual's Jacobian, 1 at rest and 0 there, is the margin. Its gradient with the actuation comes
+//! from one extra pass a cycle, for one parameter after another, so that the allocation can keep away.
 
 use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
@@ -17,6 +21,9 @@ const RESIDUAL_USABLE: f64 = 1e-3;
 /// Scaled residual above which another pass is spent in the same cycle.
 const RESIDUAL_SETTLED: f64 = 1e-5;
 
+/// Share of a parameter's range by which it is moved to see how the margin changes: far above rounding, far below curvature.
+const PROBE_SHARE: f64 = 1e-3;
+
 /// Array and manipulator at the present actuation.
 #[derive(Debug)]
 pub struct Model {
@@ -29,6 +36,20 @@ pub struct Model {
     coils: usize,
     frames: usize,
     good: Good,
+    margin: Margin,
+}
+
+/// Margin of stability and how it changes with the actuation.
+#[derive(Debug)]
+struct Margin {
+    value: f64,
+    gradient: Vec<f64>,
+    /// Parameter probed next.
+    cursor: usize,
+    /// Step of each parameter, A or rad.
+    steps: Vec<f64>,
+    posed: PosedArray,
+    pass: Pass,
 }
 
 /// Tangents and Jacobian of the last pass that was close enough to equilibrium.
@@ -49,7 +70,19 @@ impl Model {
         let mut pass = Pass::new(&manipulator);
         manipulator.solve_from_rest(&posed.actuated(&[]), &TipLoad::NONE, PassMode::default(), &mut pass);
         let unknowns = pass.unknowns();
+        let currents = description.coils.iter().map(|coil| coil.current_max);
+        let angles = description.frames.iter().map(|frame| frame.angle_max - frame.angle_min);
+        let steps: Vec<f64> = currents.chain(angles).map(|range| range * PROBE_SHARE).collect();
+        let margin = Margin {
+            value: pass.determinant(),
+            gradient: vec![0.0; steps.len()],
+            cursor: 0,
+            steps,
+            posed: posed.clone(),
+            pass: pass.clone(),
+        };
         Self {
+            margin,
             coils: array.coil_count(),
             frames: array.frame_count(),
             array,
@@ -98,6 +131,7 @@ impl Model {
         let converged = residual <= RESIDUAL_USABLE;
         if converged {
             self.keep();
+            self.probe_margin(actuation);
         } else {
             self.good.age = self.good.age.map(|age| age.saturating_add(1));
         }
@@ -106,6 +140,7 @@ impl Model {
             residual,
             passes,
             jacobian_age: self.good.age.unwrap_or(u32::MAX),
+            margin: self.margin.value,
             field_valid: self.pass.field_valid(),
         }
     }
@@ -127,6 +162,47 @@ impl Model {
     pub fn tangent_jacobian(&self, magnet: usize) -> [&[f64]; 3] {
         let parameters = self.coils + self.frames;
         self.good.jacobian[magnet].each_ref().map(|row| &row[..parameters])
+    }
+
+    /// Margin of stability of the last good equilibrium: 1 for the rod at rest, 0 where it snaps through.
+    #[must_use]
+    pub fn margin(&self) -> f64 {
+        self.margin.value
+    }
+
+    /// Change of the margin with every actuation parameter, 1/A and 1/rad; each entry at most as many cycles old
+    /// as there are parameters.
+    #[must_use]
+    pub fn margin_gradient(&self) -> &[f64] {
+        &self.margin.gradient
+    }
+
+    /// Renews the margin, and one entry of its gradient by a pass beside the present actuation.
+    fn probe_margin(&mut self, actuation: &Actuation) {
+        let margin = &mut self.margin;
+        margin.value = self.pass.determinant();
+        if margin.steps.is_empty() {
+            return;
+        }
+        let parameter = margin.cursor;
+        margin.cursor = (parameter + 1) % margin.steps.len();
+        let step = margin.steps[parameter];
+        let mut beside = *actuation;
+        if parameter < self.coils {
+            beside.current_a[parameter] += step;
+        } else {
+            beside.angle_rad[parameter - self.coils] += step;
+        }
+        self.array.pose_into(&beside.angle_rad[..self.frames], &mut margin.posed);
+        let field = margin.posed.actuated(&beside.current_a[..self.coils]);
+        // First to the equilibrium at the present actuation, then along its tangent to the one beside.
+        let Some(correction) = self.pass.newton_step() else { return };
+        let unknowns = self.pass.unknowns() + correction + self.pass.unknowns_derivative(parameter) * step;
+        self.manipulator.pass(&field, &TipLoad::NONE, &unknowns, PassMode::default(), &mut margin.pass);
+        let change = (margin.pass.determinant() - margin.value) / step;
+        if change.is_finite() {
+            margin.gradient[parameter] = change;
+        }
     }
 
     fn keep(&mut self) {

@@ -41,6 +41,7 @@ impl Step for Scripted {
                 residual: 0.0,
                 passes: 1,
                 jacobian_age: 0,
+                margin: 1.0,
                 field_valid: true,
             },
             condition: 1.0,

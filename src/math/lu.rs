@@ -96,18 +96,14 @@ impl<const N: usize> Lu<N> {
         let mut x: [[Pair; P]; N] = core::array::from_fn(|i| right[self.order[i]]);
         for i in 1..N {
             for k in 0..i {
-                let factor = Pair::splat(self.factors[i][k]);
-                for column in 0..P {
-                    x[i][column] = x[i][column] - factor * x[k][column];
-                }
+                let known = x[k];
+                subtract(&mut x[i], self.factors[i][k], &known);
             }
         }
         for i in (0..N).rev() {
             for k in i + 1..N {
-                let factor = Pair::splat(self.factors[i][k]);
-                for column in 0..P {
-                    x[i][column] = x[i][column] - factor * x[k][column];
-                }
+                let known = x[k];
+                subtract(&mut x[i], self.factors[i][k], &known);
             }
             let reciprocal = Pair::splat(self.factors[i][i]);
             for column in &mut x[i] {
@@ -115,6 +111,15 @@ impl<const N: usize> Lu<N> {
             }
         }
         x
+    }
+}
+
+/// `row - factor known`.
+#[inline(always)]
+fn subtract<const P: usize>(row: &mut [Pair; P], factor: f64, known: &[Pair; P]) {
+    let factor = Pair::splat(factor);
+    for (entry, known) in row.iter_mut().zip(known) {
+        *entry = *entry - factor * *known;
     }
 }
 

@@ -83,6 +83,21 @@ impl ThinSvd {
         }
     }
 
+    /// Takes out of `vector` what the matrix sees of it: afterwards it lies in the null space, of the singular
+    /// values kept as above.
+    pub fn project_to_null_space(&self, ratio_max: f64, vector: &mut [f64]) {
+        let largest = self.largest();
+        for (row, value) in self.scaled_right.chunks_exact(self.columns).zip(&self.values) {
+            if !is_kept(*value, largest, ratio_max) {
+                continue;
+            }
+            let along: f64 = row.iter().zip(vector.iter()).map(|(v, x)| v * x).sum::<f64>() / (value * value);
+            for (x, v) in vector.iter_mut().zip(row) {
+                *x -= along * v;
+            }
+        }
+    }
+
     fn largest(&self) -> f64 {
         self.values.iter().fold(0.0, |most, value| most.max(*value))
     }
@@ -175,6 +190,26 @@ mod tests {
                 assert!((ours - theirs).abs() < 1e-8 * (1.0 + theirs.abs()), "{ours} {theirs}");
             }
         }
+    }
+
+    /// Goal: what is left of a vector is not seen by the matrix, and a vector of the null space is left as it is.
+    #[test]
+    fn projection_leaves_only_the_null_space() {
+        let mut svd = ThinSvd::new(2, 4);
+        let matrix = [1.0, 2.0, 0.0, -1.0, 0.5, 0.0, 3.0, 1.0];
+        svd.decompose(&matrix);
+        let mut vector = [1.0, -2.0, 0.7, 3.0];
+        svd.project_to_null_space(1e5, &mut vector);
+        let once = vector;
+        for row in matrix.chunks_exact(4) {
+            let seen: f64 = row.iter().zip(&vector).map(|(a, x)| a * x).sum();
+            assert!(seen.abs() < 1e-13);
+        }
+        svd.project_to_null_space(1e5, &mut vector);
+        for (first, second) in once.iter().zip(&vector) {
+            assert!((first - second).abs() < 1e-14);
+        }
+        assert!(once.iter().any(|x| x.abs() > 0.1));
     }
 
     /// Goal: a rank-deficient matrix keeps only what (19) keeps, and a zero matrix moves nothing.

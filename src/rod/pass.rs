@@ -151,6 +151,8 @@ pub struct Pass {
     pub(super) determinant: f64,
     pub(super) poses: bool,
     pub(super) magnets: Vec<MagnetPass>,
+    /// d(unknowns)/d(parameters) by rows.
+    pub(super) unknowns_rows: [[f64; PARAMETERS_MAX]; 6],
     /// State where each part begins, then at the tip.
     pub(super) states: Vec<State>,
     pub(super) gravity: Triple,
@@ -181,6 +183,7 @@ impl Pass {
             jacobian: None,
             determinant: f64::NAN,
             poses: false,
+            unknowns_rows: [[0.0; PARAMETERS_MAX]; 6],
             magnets: magnets.map(|_| MagnetPass::new(state.frame)).collect(),
             states: vec![state; cuts],
             gravity: manipulator.gravity,
@@ -198,7 +201,7 @@ impl Pass {
         self.unknowns
     }
 
-    /// What the base exerts on nothing: the force transmitted at the clamp, the sum of all loads in equilibrium, N.
+    /// The force transmitted at the clamp, the sum of all loads in equilibrium, N.
     #[must_use]
     pub fn base_force(&self) -> Vector3<f64> {
         self.unknowns.fixed_rows::<3>(0).into()
@@ -220,6 +223,13 @@ impl Pass {
     #[must_use]
     pub fn newton_step(&self) -> Option<Vector6<f64>> {
         self.newton_step
+    }
+
+    /// How the base unknowns of the equilibrium change with one parameter: force (N), then moment (N m), per ampere or radian.
+    /// Meaningful when the pass had a Newton step.
+    #[must_use]
+    pub fn unknowns_derivative(&self, parameter: usize) -> Vector6<f64> {
+        Vector6::from_fn(|row, _| self.unknowns_rows[row][parameter])
     }
 
     /// Determinant of d(residual)/d(unknowns): 1 for the unloaded straight rod, 0 where an equilibrium loses

@@ -18,15 +18,15 @@
 
 use nalgebra::Vector6;
 
-use crate::magnetics::AppliedField;
+use crate::magnetics::{AppliedField, FieldSample, PARAMETERS_MAX};
 use crate::math::{Lu, Pair, Triple};
 
 use super::magnet::{Jump, Magnet};
 use super::manipulator::{Manipulator, Part};
-use super::pass::{MagnetPass, PAIRS_BLOCK, Pass, PassMode, TipLoad};
+use super::pass::{JacobianRows, MagnetPass, PAIRS_BLOCK, Pass, PassMode, TipLoad};
 use super::section::Section;
 use super::state::State;
-use super::transition::{Columns, PAIRS_AXIAL, PAIRS_CLAMPED, PAIRS_FULL};
+use super::transition::{Columns, PAIRS_AXIAL, PAIRS_CLAMPED, PAIRS_FULL, Rows};
 
 impl Manipulator {
     /// One pass with the base unknowns `unknowns` (force N, moment N m, world) under the present actuation of `field`.
@@ -55,7 +55,7 @@ impl Manipulator {
         pass.gravity = gravity;
         pass.unknowns = *unknowns;
         pass.poses = mode.poses;
-        pass.parameters = field.parameter_count();
+        pass.parameters = field.parameter_count().min(PARAMETERS_MAX);
         if mode.poses || !self.axial {
             self.sweep::<true>(field, mode, pass);
         } else {
@@ -138,6 +138,12 @@ impl Manipulator {
             for (row, unit) in unknowns.iter_mut().zip(units) {
                 *row = scale(row, -unit); // (s3)
             }
+            for (kept, row) in pass.unknowns_rows.iter_mut().zip(&unknowns) {
+                let kept = kept[block * 2 * PAIRS_BLOCK..].iter_mut();
+                for (entry, value) in kept.zip(row.iter().flat_map(|pair| [pair.low(), pair.high()])) {
+                    *entry = value;
+                }
+            }
             for magnet in &mut pass.magnets {
                 magnet.finish(block, &unknowns, pass.poses);
             }
@@ -206,7 +212,7 @@ fn cross_magnet<const FULL: bool>(
 fn actuate(
     jump: &Jump,
     columns: &mut Columns<PAIRS_BLOCK>,
-    sample: &crate::magnetics::FieldSample,
+    sample: &FieldSample,
     offset: usize,
     parameters: usize,
 ) {
@@ -223,14 +229,9 @@ impl MagnetPass {
     #[inline(always)]
     fn finish(&mut self, block: usize, unknowns: &[[Pair; PAIRS_BLOCK]; 6], poses: bool) {
         let [d1, d2, tangent] = [self.frame.d1, self.frame.d2, self.frame.tangent].map(Triple::splat);
-        let axes = if poses { 3 } else { 2 };
-        let mut rotation = self.rotation_by_parameters[block];
-        for axis in 0..axes {
-            add_by_unknowns(&mut rotation[axis], &self.rotation_by_base[axis], unknowns);
-        }
+        let rotation = total(&self.rotation_by_parameters[block], &self.rotation_by_base, unknowns);
         let offset = block * 2 * PAIRS_BLOCK;
-        for k in 0..PAIRS_BLOCK {
-            let [about_d1, about_d2, twist] = [rotation[0][k], rotation[1][k], rotation[2][k]];
+        for (k, Triple { x: about_d1, y: about_d2, z: twist }) in rotation.into_iter().enumerate() {
             let turn = d1.scaled(about_d2) - d2.scaled(about_d1); // dt = phi x t
             store(&mut self.tangent_rows, offset + 2 * k, turn);
             if poses {
@@ -239,16 +240,26 @@ impl MagnetPass {
             }
         }
         if poses {
-            let mut center = self.center_by_parameters[block];
-            for (row, base) in center.iter_mut().zip(&self.center_by_base) {
-                add_by_unknowns(row, base, unknowns);
-            }
-            for k in 0..PAIRS_BLOCK {
-                let shift = Triple::new(center[0][k], center[1][k], center[2][k]);
+            let center = total(&self.center_by_parameters[block], &self.center_by_base, unknowns);
+            for (k, shift) in center.into_iter().enumerate() {
                 store(&mut self.position_rows, offset + 2 * k, shift);
             }
         }
     }
+}
+
+/// Derivatives at equilibrium (s4), a vector for each pair of parameters.
+#[inline(always)]
+fn total(
+    by_parameters: &Rows<PAIRS_BLOCK>,
+    by_base: &Rows<PAIRS_CLAMPED>,
+    unknowns: &[[Pair; PAIRS_BLOCK]; 6],
+) -> [Triple<Pair>; PAIRS_BLOCK] {
+    let mut rows = *by_parameters;
+    for (row, base) in rows.iter_mut().zip(by_base) {
+        add_by_unknowns(row, base, unknowns);
+    }
+    core::array::from_fn(|k| Triple::new(rows[0][k], rows[1][k], rows[2][k]))
 }
 
 /// Adds `(dy/dxi) (dxi/du)` to a row.
@@ -267,7 +278,7 @@ fn add_by_unknowns(
 }
 
 #[inline(always)]
-fn store(rows: &mut super::pass::JacobianRows, first: usize, value: Triple<Pair>) {
+fn store(rows: &mut JacobianRows, first: usize, value: Triple<Pair>) {
     for (row, pair) in rows.iter_mut().zip([value.x, value.y, value.z]) {
         row[first] = pair.low();
         row[first + 1] = pair.high();

@@ -26,7 +26,7 @@ impl Frame {
     /// A vector given in body axes, in world.
     #[inline(always)]
     #[must_use]
-    pub fn to_world(&self, body: Triple) -> Triple {
+    pub fn to_world(self, body: Triple) -> Triple {
         self.d1.scaled(body.x) + self.d2.scaled(body.y) + self.tangent.scaled(body.z)
     }
 

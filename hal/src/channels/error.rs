@@ -13,6 +13,8 @@ pub enum Role {
     Daemon,
     /// Drives the coils.
     Driver,
+    /// Answers operators, a part of the daemon.
+    OperatorServer,
 }
 
 impl Role {
@@ -20,6 +22,7 @@ impl Role {
         match self {
             Self::Daemon => "daemon",
             Self::Driver => "driver",
+            Self::OperatorServer => "operator-server",
         }
     }
 }

@@ -10,6 +10,7 @@ use iceoryx2::prelude::{Node, ipc};
 
 use super::endpoint::Endpoint;
 use super::error::{ChannelError, ClientError, Role};
+use super::lock::RoleLock;
 use super::ports::{Inlet, Outlet};
 use super::service::{
     REQUEST, Requests, STATUS, TARGET_SET, TRUTH, Topic, Wait, create_requests, create_topic, open_requests,
@@ -30,6 +31,7 @@ const CONNECTION_WAIT: Duration = Duration::from_millis(100);
 /// The daemon's services for operators, made but not yet joined: may move to the thread that serves them.
 #[derive(Debug)]
 pub struct OperatorServices {
+    lock: RoleLock,
     node: Node<ipc::Service>,
     request: Requests,
     target_set: Requests,
@@ -37,16 +39,18 @@ pub struct OperatorServices {
 }
 
 impl OperatorServices {
-    /// Makes the services.
+    /// Becomes the one who serves the rig's operators and makes the services.
     ///
     /// # Errors
-    /// When the transport fails.
+    /// When the rig's operators are served already, or the transport fails.
     pub fn create(endpoint: &Endpoint) -> Result<Self, ChannelError> {
+        let lock = RoleLock::acquire(endpoint.root(), endpoint.rig(), Role::OperatorServer)?;
         let node = endpoint.node(CONNECTION_WAIT)?;
         Ok(Self {
             request: create_requests(&node, endpoint, REQUEST)?,
             target_set: create_requests(&node, endpoint, TARGET_SET)?,
             status: create_topic(&node, endpoint, STATUS)?,
+            lock,
             node,
         })
     }
@@ -54,7 +58,7 @@ impl OperatorServices {
     /// Joins the services; call it on the thread that serves operators, which must not be the control loop's.
     ///
     /// # Errors
-    /// When another process serves this rig's operators, or the transport fails.
+    /// When the transport fails.
     pub fn into_server(self) -> Result<OperatorServer, ChannelError> {
         Ok(OperatorServer {
             request: retried(REQUEST, || self.request.server_builder().create())?,
@@ -62,6 +66,7 @@ impl OperatorServices {
             status: Outlet::new(self.status)?,
             header: HeaderWriter::new(Stamp::now().nanoseconds().max(1)),
             _node: self.node,
+            _lock: self.lock,
         })
     }
 }
@@ -74,6 +79,7 @@ pub struct OperatorServer {
     status: Outlet<StatusMessage>,
     header: HeaderWriter,
     _node: Node<ipc::Service>,
+    _lock: RoleLock,
 }
 
 impl OperatorServer {

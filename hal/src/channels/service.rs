@@ -1,13 +1,22 @@
 //! Making and opening services: settings in one table, bounded retries, and a check of what was found.
 
 use std::error::Error;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use iceoryx2::prelude::{AttributeVerifier, IceoryxSend, Node, PortFactory, ServiceName, ZeroCopySend, ipc};
+use iceoryx2::prelude::{
+    AttributeVerifier, IceoryxSend, MessagingPattern, Node, PortFactory, Service, ServiceName, ZeroCopySend,
+    ipc,
+};
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
-use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
-use iceoryx2::service::builder::request_response::RequestResponseOpenError;
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+};
+use iceoryx2::service::builder::request_response::{
+    RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
+};
 use iceoryx2::service::port_factory::{publish_subscribe, request_response};
+use iceoryx2::service::service_hash::ServiceHash;
 
 use super::endpoint::Endpoint;
 use super::error::{ChannelError, Role};
@@ -24,6 +33,8 @@ pub(super) type Requests =
 /// or clearing up the same thing.
 const RETRY_TIME: Duration = Duration::from_secs(3);
 const RETRY_PAUSE: Duration = Duration::from_millis(10);
+/// How long a service may stand half-made before it counts as abandoned: many times what making one takes.
+const HUNG_TIME: Duration = Duration::from_millis(500);
 
 /// Settings of a publish-subscribe service.
 #[derive(Debug, Clone, Copy)]
@@ -52,7 +63,7 @@ pub(super) const STATUS: TopicSettings =
 pub(super) const REQUEST: &str = "request";
 pub(super) const TARGET_SET: &str = "target/set";
 
-/// Opens the service, or makes it when it does not exist.
+/// Opens the service, or makes it when it does not exist. Only the holder of the role that makes it may call this.
 pub(super) fn create_topic<T: IceoryxSend + ZeroCopySend + std::fmt::Debug + 'static>(
     node: &Node<ipc::Service>,
     endpoint: &Endpoint,
@@ -60,7 +71,8 @@ pub(super) fn create_topic<T: IceoryxSend + ZeroCopySend + std::fmt::Debug + 'st
 ) -> Result<Topic<T>, ChannelError> {
     let name = endpoint.service(settings.channel);
     let (service, attributes) = (service_name(&name)?, attributes(&name)?);
-    let topic = retried(&name, || {
+    let leftover = leftover_file(node, &service, MessagingPattern::PublishSubscribe);
+    let topic = made(&name, &leftover, is_hung_topic, || {
         node.service_builder(&service)
             .publish_subscribe::<T>()
             .enable_safe_overflow(true)
@@ -93,7 +105,7 @@ pub(super) fn open_topic<T: IceoryxSend + ZeroCopySend + std::fmt::Debug + 'stat
     check_settings(topic, &name, settings)
 }
 
-/// Opens a request service, or makes it when it does not exist.
+/// Opens a request service, or makes it when it does not exist. Only the holder of the role that makes it may call this.
 pub(super) fn create_requests(
     node: &Node<ipc::Service>,
     endpoint: &Endpoint,
@@ -101,7 +113,8 @@ pub(super) fn create_requests(
 ) -> Result<Requests, ChannelError> {
     let name = endpoint.service(channel);
     let (service, attributes) = (service_name(&name)?, attributes(&name)?);
-    retried(&name, || {
+    let leftover = leftover_file(node, &service, MessagingPattern::RequestResponse);
+    made(&name, &leftover, is_hung_request, || {
         node.service_builder(&service)
             .request_response::<OperatorRequest, OperatorAnswer>()
             // A request whose sender no longer waits counts as not done.
@@ -122,12 +135,70 @@ pub(super) fn open_requests(
 ) -> Result<Requests, ChannelError> {
     let name = endpoint.service(channel);
     let (service, attributes) = (service_name(&name)?, attributes(&name)?);
-    let missing = |error: &RequestResponseOpenError| matches!(error, RequestResponseOpenError::DoesNotExist);
-    wait.opened(endpoint, &name, Role::Daemon, missing, || {
+    let not_yet = |error: &RequestResponseOpenError| {
+        use RequestResponseOpenError as Open;
+        matches!(error, Open::DoesNotExist | Open::HangsInCreation | Open::IsMarkedForDestruction)
+    };
+    wait.opened(endpoint, &name, Role::Daemon, not_yet, || {
         node.service_builder(&service)
             .request_response::<OperatorRequest, OperatorAnswer>()
             .open_with_attributes(&attributes)
     })
+}
+
+/// Makes a service that this process alone may make. One whose maker was killed half-way stays so for ever: the
+/// transport takes it for one that is still being made, and it belongs to no node that could be cleared up.
+/// Nobody can have joined it, so once it has stood like that for a while its file is taken away.
+fn made<T, E: Error + Send + Sync + 'static>(
+    service: &str,
+    leftover: &Path,
+    is_hung: impl Fn(&E) -> bool,
+    mut attempt: impl FnMut() -> Result<T, E>,
+) -> Result<T, ChannelError> {
+    let mut hung_since: Option<Instant> = None;
+    retried(service, || {
+        attempt().inspect_err(|error| {
+            if !is_hung(error) {
+                hung_since = None;
+            } else if hung_since.get_or_insert_with(Instant::now).elapsed() >= HUNG_TIME {
+                // What cannot be removed is reported by the attempts that go on failing.
+                let _ = std::fs::remove_file(leftover);
+                hung_since = None;
+            }
+        })
+    })
+}
+
+fn is_hung_topic(error: &PublishSubscribeOpenOrCreateError) -> bool {
+    use PublishSubscribeCreateError as Create;
+    use PublishSubscribeOpenError as Open;
+    use PublishSubscribeOpenOrCreateError as Error;
+    matches!(
+        error,
+        Error::PublishSubscribeOpenError(Open::HangsInCreation | Open::ServiceInCorruptedState)
+            | Error::PublishSubscribeCreateError(Create::HangsInCreation | Create::ServiceInCorruptedState)
+            | Error::SystemInFlux
+    )
+}
+
+fn is_hung_request(error: &RequestResponseOpenOrCreateError) -> bool {
+    use RequestResponseCreateError as Create;
+    use RequestResponseOpenError as Open;
+    use RequestResponseOpenOrCreateError as Error;
+    matches!(
+        error,
+        Error::RequestResponseOpenError(Open::HangsInCreation | Open::ServiceInCorruptedState)
+            | Error::RequestResponseCreateError(Create::HangsInCreation | Create::ServiceInCorruptedState)
+            | Error::SystemInFlux
+    )
+}
+
+/// Where the transport keeps what it knows of a service.
+fn leftover_file(node: &Node<ipc::Service>, service: &ServiceName, pattern: MessagingPattern) -> PathBuf {
+    let global = &node.config().global;
+    let hash = ServiceHash::new::<<ipc::Service as Service>::ServiceNameHasher>(service, pattern);
+    let file = format!("{}{hash}{}", global.prefix, global.service.static_config_storage_suffix);
+    PathBuf::from(global.service_dir().to_string()).join(file)
 }
 
 /// How long to wait for the other side, counted from one start for all its services.
@@ -147,7 +218,7 @@ impl Wait {
         endpoint: &Endpoint,
         service: &str,
         role: Role,
-        missing: impl Fn(&E) -> bool,
+        not_yet: impl Fn(&E) -> bool,
         mut attempt: impl FnMut() -> Result<T, E>,
     ) -> Result<T, ChannelError> {
         let mut failed_since: Option<Instant> = None;
@@ -156,7 +227,7 @@ impl Wait {
                 Ok(opened) => return Ok(opened),
                 Err(error) => error,
             };
-            if missing(&error) {
+            if not_yet(&error) {
                 failed_since = None;
                 if self.start.elapsed() >= self.duration {
                     let (rig, root) = (endpoint.rig().to_owned(), endpoint.root().to_owned());

@@ -29,20 +29,21 @@
 //! of the step); the torque of the dipole follows the iteration.
 
 use magsteer_hal::description::ManipulatorDescription;
-use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Vector3, Vector6};
 
+use super::balance::split;
 use super::block_tridiagonal::BlockTridiagonal;
 use super::chain::{Chain, Meshing, Pose};
-use super::element::{EndTangent, Link, Share, Strain, blocks};
-use super::rotation::{exponential, matrix, skew};
+use super::element::{Link, Strain};
+use super::rotation::exponential;
 use crate::field::Field;
 
 /// Numerical dissipation `x`.
-const DISSIPATION: f64 = 0.02;
+pub(super) const DISSIPATION: f64 = 0.02;
 /// Newton iterations of one step; reaching this is reported.
 const ITERATIONS_MAX: usize = 20;
-/// A step that does not converge is halved up to this many times, to a 64th.
-const HALVINGS_MAX: usize = 6;
+/// A step that does not converge is halved up to this many times, to a 16th: at most 640 iterations in all.
+const HALVINGS_MAX: usize = 4;
 /// Largest correction, m, that is still left out; rotations count as the motion of a point one
 /// [`LEVER`] away.
 const CORRECTION_MAX: f64 = 1e-10;
@@ -93,12 +94,12 @@ impl Energy {
 
 /// State and unknowns of one body.
 #[derive(Debug, Clone, Copy)]
-struct Motion {
-    pose: Pose,
+pub(super) struct Motion {
+    pub(super) pose: Pose,
     /// `v`, world.
-    velocity: Vector3<f64>,
+    pub(super) velocity: Vector3<f64>,
     /// `W`, body axes.
-    spin: Vector3<f64>,
+    pub(super) spin: Vector3<f64>,
     /// `d` of the running or last step.
     shift: Vector3<f64>,
     /// `T` of the running or last step.
@@ -106,30 +107,31 @@ struct Motion {
     /// `d` and `T` of the step before, for the prediction.
     shift_before: Vector3<f64>,
     turn_before: Vector3<f64>,
-    half: Pose,
-    end: Pose,
+    pub(super) half: Pose,
+    pub(super) end: Pose,
 }
 
 /// The rod: constants behind `chain`, everything else changes with time.
 #[derive(Debug, Clone)]
 pub struct Rod {
     pub(super) chain: Chain,
-    gravity: Vector3<f64>,
-    stepping: Stepping,
-    motions: Vec<Motion>,
+    /// m/s^2, world.
+    pub(super) gravity: Vector3<f64>,
+    pub(super) stepping: Stepping,
+    pub(super) motions: Vec<Motion>,
     /// At the beginning of the step, an entry an element.
-    strains: Vec<Strain>,
-    fields: Vec<Field>,
-    residual: Vec<Vector6<f64>>,
+    pub(super) strains: Vec<Strain>,
+    /// At each magnet, half-way through the step.
+    pub(super) fields: Vec<Field>,
+    /// Out-of-balance forces of the bodies, then the corrections that they ask for.
+    pub(super) residual: Vec<Vector6<f64>>,
     pub(super) tangent: BlockTridiagonal,
-    tangent_is_kept: bool,
+    /// False when the tangent must be renewed before it is used.
+    pub(super) tangent_is_kept: bool,
 }
 
 impl Rod {
-    /// The unloaded, undamped rod at rest.
-    ///
-    /// # Panics
-    /// Never for a description that was validated: it has at least one section.
+    /// The unloaded rod at rest.
     #[must_use]
     pub fn new(
         description: &ManipulatorDescription,
@@ -336,131 +338,6 @@ impl Rod {
         Pose { position: body.along(magnet.offset), ..body }
     }
 
-    /// Out-of-balance force and moment of every body, in its axes half-way through the step, with
-    /// the sign of the right-hand side.
-    fn fill_residual(&mut self) {
-        let step = self.stepping.step;
-        let share = (1.0 + DISSIPATION) / 2.0;
-        for ((body, motion), residual) in self.chain.bodies.iter().zip(&self.motions).zip(&mut self.residual)
-        {
-            let (velocity, spin) = motion.velocities_after(step, share);
-            let force = (self.gravity - (velocity - motion.velocity) / step) * body.mass; // (ii)
-            let before = motion.pose.rotation * body.angular_momentum(&motion.spin);
-            let after = motion.end.rotation * body.angular_momentum(&spin);
-            let moment = (before - after) / step; // (iii)
-            *residual = stack(&force, &moment);
-        }
-        self.add_elements();
-        self.add_magnets();
-        for (motion, residual) in self.motions.iter().zip(&mut self.residual) {
-            let to_body = motion.half.rotation.inverse();
-            let (force, moment) = split(residual);
-            *residual = stack(&(to_body * force), &(to_body * moment));
-        }
-    }
-
-    fn add_elements(&mut self) {
-        let rate_share = self.rate_share();
-        let mut left_half = self.chain.clamp;
-        let mut left_end = self.chain.clamp;
-        let mut left_arm = Vector3::zeros();
-        for (index, element) in self.chain.elements.iter().enumerate() {
-            let body = &self.chain.bodies[index];
-            let motion = &self.motions[index];
-            let tangent = motion.half.rotation * Vector3::z();
-            let right_arm = tangent * body.proximal;
-            let half = Link::between(
-                &left_half.position,
-                &left_half.rotation,
-                &(motion.half.position + right_arm),
-                &motion.half.rotation,
-            );
-            let end = Link::between(
-                &left_end.position,
-                &left_end.rotation,
-                &motion.end.along(body.proximal),
-                &motion.end.rotation,
-            );
-            let strain = self.strains[index].towards(&element.strain(&end), 0.5 + rate_share);
-            let gradient = element.gradient(&half, &element.stress(&strain)); // (iv)
-            let force = half.frame * gradient.force;
-            let moment_left = half.frame * gradient.moment_i - left_arm.cross(&force);
-            let moment_right = half.frame * gradient.moment_j + right_arm.cross(&force);
-            if index > 0 {
-                self.residual[index - 1] += stack(&force, &-moment_left);
-            }
-            self.residual[index] -= stack(&force, &moment_right);
-            left_arm = tangent * body.distal;
-            left_half = Pose { position: motion.half.position + left_arm, rotation: motion.half.rotation };
-            left_end = Pose { position: motion.end.along(body.distal), rotation: motion.end.rotation };
-        }
-    }
-
-    fn add_magnets(&mut self) {
-        for (magnet, field) in self.chain.magnets.iter().zip(&self.fields) {
-            let Some(index) = magnet.body else { continue };
-            let rotation = self.motions[index].half.rotation;
-            let wrench = field.wrench(&(rotation * magnet.moment_body));
-            let arm = rotation * Vector3::new(0.0, 0.0, magnet.offset);
-            self.residual[index] += stack(&wrench.force, &(wrench.torque + arm.cross(&wrench.force)));
-        }
-    }
-
-    /// `x / 2 + tau / t` of (iv).
-    fn rate_share(&self) -> f64 {
-        DISSIPATION / 2.0 + self.stepping.retardation / self.stepping.step
-    }
-
-    fn fill_tangent_of_step(&mut self) {
-        let share = Share { material: 0.5 + self.rate_share(), geometric: 0.5 };
-        self.fill_elastic_tangent(share, |motion| motion.half);
-        let scale = 2.0 / ((1.0 + DISSIPATION) * self.stepping.step.powi(2));
-        for (index, body) in self.chain.bodies.iter().enumerate() {
-            self.tangent.add_diagonal(index, &Matrix6::from_diagonal(&(body.mass_diagonal() * scale)));
-        }
-        for (magnet, field) in self.chain.magnets.iter().zip(&self.fields) {
-            let Some(index) = magnet.body else { continue };
-            let flux = self.motions[index].half.rotation.inverse() * field.flux;
-            let turning = skew(&flux) * skew(&magnet.moment_body) * -0.5;
-            let zero = nalgebra::Matrix3::zeros();
-            self.tangent.add_diagonal(index, &blocks(&zero, &zero, &zero, &turning));
-        }
-    }
-
-    /// Elastic tangent at rest, without inertia, damping and magnets.
-    pub(super) fn fill_static_tangent(&mut self, share: Share) {
-        self.tangent_is_kept = false;
-        self.fill_elastic_tangent(share, |motion| motion.pose);
-    }
-
-    fn fill_elastic_tangent(&mut self, share: Share, pose_of: impl Fn(&Motion) -> Pose) {
-        self.tangent.clear();
-        let mut left = self.chain.clamp;
-        let mut left_offset = 0.0;
-        for (index, element) in self.chain.elements.iter().enumerate() {
-            let body = &self.chain.bodies[index];
-            let right = pose_of(&self.motions[index]);
-            let link = Link::between(
-                &left.along(left_offset),
-                &left.rotation,
-                &right.along(body.proximal),
-                &right.rotation,
-            );
-            let stress = element.stress(&element.strain(&link));
-            let EndTangent { ii, ij, ji, jj } = element.tangent(&link, &stress, share);
-            let force = skew(&(stress.force_like * share.geometric));
-            let i = EndMap::new(&link, &left.rotation, left_offset, &-force);
-            let j = EndMap::new(&link, &right.rotation, body.proximal, &force);
-            if index > 0 {
-                self.tangent.add_diagonal(index - 1, &(i.both(&ii, &i) + i.arm));
-                self.tangent.add_coupling(index, &i.both(&ij, &j), &j.both(&ji, &i));
-            }
-            self.tangent.add_diagonal(index, &(j.both(&jj, &j) + j.arm));
-            left = right;
-            left_offset = body.distal;
-        }
-    }
-
     /// Adds the solved corrections to the unknowns and returns the largest, m.
     fn correct(&mut self) -> f64 {
         let mut largest: f64 = 0.0;
@@ -490,7 +367,7 @@ impl Rod {
         self.refresh_strains();
     }
 
-    pub(super) fn refresh_strains(&mut self) {
+    fn refresh_strains(&mut self) {
         let mut left = self.chain.clamp;
         for (index, element) in self.chain.elements.iter().enumerate() {
             let body = &self.chain.bodies[index];
@@ -547,40 +424,10 @@ impl Motion {
     }
 
     /// Velocity and spin at the end of the step.
-    fn velocities_after(&self, step: f64, share: f64) -> (Vector3<f64>, Vector3<f64>) {
+    pub(super) fn velocities_after(&self, step: f64, share: f64) -> (Vector3<f64>, Vector3<f64>) {
         let after = |increment: &Vector3<f64>, before: &Vector3<f64>| {
             (increment / step - before * (1.0 - share)) / share // (i)
         };
         (after(&self.shift, &self.velocity), after(&self.turn, &self.spin))
     }
-}
-
-/// Takes small motions of a body (displacement and rotation in body axes) to those of an element's end
-/// in the element's axes.
-struct EndMap {
-    map: Matrix6<f64>,
-    /// Stiffness of the end's force turning with its arm about the centre of mass.
-    arm: Matrix6<f64>,
-}
-
-impl EndMap {
-    fn new(link: &Link, rotation: &UnitQuaternion<f64>, offset: f64, force: &nalgebra::Matrix3<f64>) -> Self {
-        let turn = link.frame.tr_mul(&matrix(rotation));
-        let arm = skew(&(turn.column(2) * offset));
-        let zero = nalgebra::Matrix3::zeros();
-        let moment = turn.tr_mul(&(force * arm * turn));
-        Self { map: blocks(&turn, &(-arm * turn), &zero, &turn), arm: blocks(&zero, &zero, &zero, &moment) }
-    }
-
-    fn both(&self, middle: &Matrix6<f64>, right: &Self) -> Matrix6<f64> {
-        self.map.tr_mul(&(middle * right.map))
-    }
-}
-
-fn stack(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
-    Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
-}
-
-fn split(both: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
-    (Vector3::new(both[0], both[1], both[2]), Vector3::new(both[3], both[4], both[5]))
 }

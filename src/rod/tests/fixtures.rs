@@ -5,7 +5,7 @@ use magsteer_hal::description::{
     ExtensibleStiffness, MagnetDescription, ManipulatorDescription, PartDescription, Rows3,
     SectionDescription, Workspace,
 };
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -220,7 +220,11 @@ fn independent(g: &Matrix3<f64>) -> FieldGradient {
     FieldGradient { xx: g[(0, 0)], xy: g[(0, 1)], xz: g[(0, 2)], yy: g[(1, 1)], yz: g[(1, 2)] }
 }
 
-/// Rotation vector that takes `from` to `to`, world.
+/// Rotation vector that takes `from` to `to`, world, by the skew part: exact to rounding for small angles,
+/// where the trace is not.
 pub fn rotation_between(from: &Matrix3<f64>, to: &Matrix3<f64>) -> Vector3<f64> {
-    Rotation3::from_matrix_unchecked(to * from.transpose()).scaled_axis()
+    let r = to * from.transpose();
+    let sine = Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]) * 0.5;
+    let length = sine.norm();
+    if length > 0.0 { sine * (length.asin() / length) } else { sine }
 }

@@ -182,13 +182,12 @@ fn straight_determinant(manipulator: &Manipulator, field: &AffineField, force: f
     pass.determinant()
 }
 
-/// Bisects for the load at which the determinant loses its sign.
+/// The load between `low` and `high` at which the determinant vanishes.
 ///
-/// Both bending planes buckle at once when load and rod are round, so that the determinant touches zero as a
-/// square; a tiny curvature of one plane's field is not available, so its root is bracketed by the minimum.
+/// Rod and load are round, so both bending planes buckle at once: the determinant is the square of one plane's and
+/// touches zero. Its square root is linear on either side, so a golden-section search finds the touch sharply.
 fn critical(determinant: impl Fn(f64) -> f64, low: f64, high: f64) -> f64 {
     let (mut low, mut high) = (low, high);
-    // Golden section on a smooth, convex touch of zero, by the square root, which is |linear|.
     let root = |load: f64| determinant(load).abs().sqrt();
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     for _ in 0..90 {
