@@ -2,20 +2,21 @@
 //!
 //! No test judges how long anything took; each waits for a state, bounded only so that a failure ends.
 
+mod ideal_driver;
+
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use ideal_driver::Driver;
 use magsteer::control::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
 use magsteer::daemon::{DaemonConfig, RunError, RunPlan, RunReport, StopFlag, run};
-use magsteer_hal::channels::{DriverEnd, Endpoint, OperatorClient};
+use magsteer_hal::channels::{Endpoint, OperatorClient};
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, StatusMessage, state, verb};
 use magsteer_hal::scripted::example_description;
-use magsteer_hal::{
-    Actuation, CoilFeedback, CommandGuard, MagnetPose, POSE_PARAMETERS_MAX, PoseMessage, Stamp,
-};
+use magsteer_hal::{Actuation, Stamp};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 const UP: [f64; 3] = [0.0, 0.0, 1.0];
@@ -69,56 +70,6 @@ impl Step for Constant {
             saturated: 0,
         }
     }
-}
-
-/// An ideal driver in a thread of its own, until dropped.
-struct Driver {
-    stop: Arc<AtomicBool>,
-    state: Arc<AtomicU32>,
-    thread: Option<JoinHandle<CommandGuard>>,
-}
-
-impl Driver {
-    fn start(endpoint: &Endpoint) -> Self {
-        let (stop, state) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU32::new(0)));
-        let (endpoint, stop_inside, state_inside) = (endpoint.clone(), Arc::clone(&stop), Arc::clone(&state));
-        let thread = std::thread::spawn(move || drive(&endpoint, &stop_inside, &state_inside));
-        Self { stop, state, thread: Some(thread) }
-    }
-
-    fn state(&self) -> u32 {
-        self.state.load(Ordering::Relaxed)
-    }
-
-    fn end(mut self) -> CommandGuard {
-        self.stop.store(true, Ordering::Relaxed);
-        self.thread.take().expect("ended once").join().expect("the driver does not panic")
-    }
-}
-
-fn drive(endpoint: &Endpoint, stop: &AtomicBool, state: &AtomicU32) -> CommandGuard {
-    let description = example_description();
-    let mut end = DriverEnd::create(endpoint).expect("the root is this test's own");
-    let mut guard = CommandGuard::new(&description, &[0.0; POSE_PARAMETERS_MAX]);
-    let upright = MagnetPose { orientation_xyzw: [0.0, 0.0, 0.0, 1.0], valid: 1, ..MagnetPose::default() };
-    while !stop.load(Ordering::Relaxed) {
-        let now = Stamp::now();
-        if let Some(command) = end.take_command(now) {
-            // Refusals are counted by the guard.
-            let _ = guard.offer(&command, now);
-        }
-        let setpoint = guard.setpoint(now, 1e-3);
-        state.store(guard.state(), Ordering::Relaxed);
-        let mut pose = PoseMessage { magnet_count: 2, magnets: [upright; 8], ..PoseMessage::default() };
-        pose.header.source_stamp_ns = now.nanoseconds();
-        end.publish_pose(pose, now).expect("the transport works");
-        let mut feedback = CoilFeedback { measured: *setpoint.actuation(), ..CoilFeedback::default() };
-        feedback.header.source_stamp_ns = now.nanoseconds();
-        guard.report(&mut feedback);
-        end.publish_feedback(feedback, now).expect("the transport works");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    guard
 }
 
 /// A daemon in a thread of its own.
@@ -208,7 +159,7 @@ fn world() -> (tempfile::TempDir, Endpoint) {
 #[test]
 fn an_operator_arms_steers_sets_targets_and_stops() {
     let (_root, endpoint) = world();
-    let driver = Driver::start(&endpoint);
+    let driver = Driver::start(&endpoint, example_description());
     let daemon = Daemon::start(&endpoint, false);
     let mut operator = Operator::join(&endpoint);
     operator.until(|status| status.state == state::IDLE);
@@ -238,7 +189,7 @@ fn an_operator_arms_steers_sets_targets_and_stops() {
 #[test]
 fn a_signal_while_steering_ramps_down_before_the_daemon_ends() {
     let (_root, endpoint) = world();
-    let driver = Driver::start(&endpoint);
+    let driver = Driver::start(&endpoint, example_description());
     let daemon = Daemon::start(&endpoint, true);
     let mut operator = Operator::join(&endpoint);
     operator.until(|status| status.state == state::ARMED);
@@ -255,7 +206,7 @@ fn a_signal_while_steering_ramps_down_before_the_daemon_ends() {
 #[test]
 fn a_panic_in_the_loop_ends_with_an_error_and_coils_at_zero() {
     let (_root, endpoint) = world();
-    let driver = Driver::start(&endpoint);
+    let driver = Driver::start(&endpoint, example_description());
     let daemon = Daemon::start(&endpoint, true);
     let mut operator = Operator::join(&endpoint);
     operator.until(|status| status.state == state::ARMED);
@@ -275,7 +226,7 @@ fn a_panic_in_the_loop_ends_with_an_error_and_coils_at_zero() {
 #[test]
 fn a_driver_that_vanishes_trips_and_a_new_one_is_met_without_restarting_the_daemon() {
     let (_root, endpoint) = world();
-    let driver = Driver::start(&endpoint);
+    let driver = Driver::start(&endpoint, example_description());
     let daemon = Daemon::start(&endpoint, true);
     let mut operator = Operator::join(&endpoint);
     operator.until(|status| status.state == state::ARMED);
@@ -283,7 +234,7 @@ fn a_driver_that_vanishes_trips_and_a_new_one_is_met_without_restarting_the_daem
     operator.until(|status| status.state == state::ACTIVE);
     driver.end();
     operator.until(|status| status.state == state::FAULT);
-    let driver = Driver::start(&endpoint);
+    let driver = Driver::start(&endpoint, example_description());
     operator.insist(verb::RESET);
     operator.insist(verb::ARM);
     operator.until(|status| status.state == state::ARMED);

@@ -99,6 +99,7 @@ impl Step for Scripted {
                 passes: 1,
                 jacobian_age: 0,
                 field_valid: true,
+                margin: 1.0,
             },
             condition: 1.0,
             saturated: 0,
