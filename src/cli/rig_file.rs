@@ -60,9 +60,10 @@ pub fn channel_failure(error: ChannelError) -> anyhow::Error {
             Exit::NoPermission
         }
         ChannelError::Root { .. } => Exit::CannotCreate,
-        ChannelError::Held { .. } | ChannelError::Missing { .. } | ChannelError::Settings { .. } => {
-            Exit::Unavailable
-        }
+        ChannelError::Held { .. }
+        | ChannelError::Rival { .. }
+        | ChannelError::Missing { .. }
+        | ChannelError::Settings { .. } => Exit::Unavailable,
         ChannelError::Transport { .. } => Exit::Io,
     };
     Failure::with(exit, error)
