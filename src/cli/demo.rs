@@ -24,6 +24,8 @@ use super::sim_plant::PlantReport;
 
 /// How long plant and daemon may take to appear.
 const START_WAIT: Duration = Duration::from_secs(20);
+/// How long the rig may take until it can be armed.
+const READY_WAIT: Duration = Duration::from_secs(5);
 /// How long a child may take to ramp down and end.
 const END_WAIT: Duration = Duration::from_secs(10);
 
@@ -171,7 +173,7 @@ impl Rig {
     fn play(&self, experiment: &Experiment, magnets: &[&str], stop: &StopFlag) -> anyhow::Result<Played> {
         let mut session = Session::open(&self.endpoint, START_WAIT).map_err(|error| self.explain(error))?;
         session.wait_for(&[state::IDLE], START_WAIT).map_err(|error| self.explain(error))?;
-        session.request(verb::ARM, "arm")?;
+        session.arm(READY_WAIT)?;
         session.request(verb::GO, "go")?;
         session.play(experiment, magnets, stop).map_err(|error| self.explain(error))
     }

@@ -24,7 +24,7 @@ const POLL: Duration = Duration::from_millis(5);
 /// How often the live line is drawn anew.
 const REDRAW: Duration = Duration::from_millis(100);
 
-type Directions = [[f64; 3]; MAGNETS_MAX];
+pub type Directions = [[f64; 3]; MAGNETS_MAX];
 
 /// One status of the daemon, as far as pictures need it.
 pub struct Sample {
@@ -44,8 +44,10 @@ pub struct Sample {
 pub struct PlayedStep {
     /// How it went.
     pub response: StepResponse,
-    /// The last status of the step.
-    pub end: StatusMessage,
+    /// Its targets.
+    pub target: Directions,
+    /// When it ended, s since the experiment began.
+    pub end_s: f64,
 }
 
 /// An experiment as it was played.
@@ -94,6 +96,20 @@ impl Session {
         self.send(OperatorRequest { verb, ..OperatorRequest::default() }, name)
     }
 
+    /// Arms, again and again for up to `wait`: a rig that has just started may not have seen its first poses yet.
+    ///
+    /// # Errors
+    /// The last refusal.
+    pub fn arm(&mut self, wait: Duration) -> anyhow::Result<()> {
+        let deadline = Instant::now() + wait;
+        loop {
+            match self.request(verb::ARM, "arm") {
+                Err(_) if Instant::now() < deadline => std::thread::sleep(10 * POLL),
+                outcome => return outcome,
+            }
+        }
+    }
+
     /// Waits until the daemon is in one of `states`.
     ///
     /// # Errors
@@ -139,10 +155,11 @@ impl Session {
             self.send(request, "target")?;
             let label = format!("step {}/{}", index + 1, experiment.steps.len());
             let duration = Duration::from_secs_f64(step.duration_s);
-            let Some(played) = self.play_step(&label, &target[..magnets.len()], duration, stop)? else {
+            let Some(response) = self.play_step(&label, &target[..magnets.len()], duration, stop)? else {
                 break;
             };
-            steps.push(played);
+            let end_s = Stamp::now().since(self.begin).as_secs_f64();
+            steps.push(PlayedStep { response, target, end_s });
         }
         Ok(Played { steps, samples: self.samples, judged_by_truth: self.truth.is_some() })
     }
@@ -154,7 +171,7 @@ impl Session {
         target: &[[f64; 3]],
         duration: Duration,
         stop: &StopFlag,
-    ) -> anyhow::Result<Option<PlayedStep>> {
+    ) -> anyhow::Result<Option<StepResponse>> {
         let mut line = LiveLine::new();
         let begin = Stamp::now();
         let mut watched = Watched::new(begin);
@@ -187,7 +204,7 @@ impl Session {
         };
         line.draw(|| live(label, begin, target, &end, watched.lateness_max_us), Duration::ZERO);
         line.end();
-        Ok(Some(PlayedStep { response: judge(target, &watched.observations), end }))
+        Ok(Some(judge(target, &watched.observations)))
     }
 
     /// Takes over what arrived: statuses for pictures, and what the step is judged by.
