@@ -18,7 +18,7 @@ use serde::Serialize;
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::output;
-use super::play::{Played, Session, table};
+use super::play::{Played, Session, table, timing_line};
 use super::shipped;
 use super::sim_plant::PlantReport;
 
@@ -122,21 +122,7 @@ impl Demo {
                 plant,
             });
         }
-        let timing = &daemon.timing;
-        let mut text = format!("\n{}\n", table(played));
-        text += &format!(
-            "loop at {:.0} Hz: {} cycles, {} missed; lateness p50 {:.0} us, p99 {:.0} us, max {:.0} us; \
-             execution p50 {:.0} us, p99 {:.0} us, max {:.0} us\n",
-            timing.rate_hz,
-            timing.cycles,
-            timing.missed,
-            timing.lateness_us.p50,
-            timing.lateness_us.p99,
-            timing.lateness_us.max,
-            timing.execution_us.p50,
-            timing.execution_us.p99,
-            timing.execution_us.max,
-        );
+        let mut text = format!("\n{}\n{}", table(played), timing_line(&daemon.timing));
         text += &format!(
             "plant: {} commands beyond a limit, largest current {:.2} A\n",
             plant.limit_breaks, plant.current_max_a

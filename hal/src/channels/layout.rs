@@ -6,7 +6,7 @@ use std::mem::{align_of, offset_of, size_of};
 use sha2::{Digest, Sha256};
 
 use crate::message::{Actuation, CoilCommand, CoilFeedback, Header, MagnetPose, PoseMessage, SCHEMA};
-use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage};
+use crate::operator::{LoopTiming, OperatorAnswer, OperatorRequest, Quantiles, StatusMessage};
 
 /// Renders name, size, alignment and every field's offset. The destructuring stops the build when a field is missing.
 macro_rules! layout {
@@ -50,6 +50,8 @@ fn layouts() -> String {
     );
     layout!(text, OperatorRequest { verb, magnet_count, direction });
     layout!(text, OperatorAnswer { accepted, cause, state, reserved, epoch });
+    layout!(text, Quantiles { p50_us, p99_us, p999_us, max_us });
+    layout!(text, LoopTiming { cycles, lateness, execution, pose_age, pose_to_command });
     layout!(
         text,
         StatusMessage {
@@ -63,6 +65,8 @@ fn layouts() -> String {
             lateness_us,
             lateness_max_us,
             pose_age_us,
+            timing,
+            stability_margin,
             magnet_count,
             coil_count,
             pose_parameter_count,
