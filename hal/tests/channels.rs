@@ -5,19 +5,18 @@ use std::time::Duration;
 
 use magsteer_hal::channels::{
     ChannelError, ClientError, DaemonEnd, DaemonServices, DriverEnd, DriverServices, Endpoint,
-    OperatorClient, OperatorServer, OperatorServices, Role, TruthObserver,
+    OperatorClient, OperatorServer, OperatorServices, Role, TemporaryRoot, TruthObserver,
 };
 use magsteer_hal::message::order;
 use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
 use magsteer_hal::scripted::example_description;
 use magsteer_hal::{Authority, CoilCommand, Gate, Hardware, MagnetPose, PoseMessage, Stamp};
-use tempfile::TempDir;
 
 const WAIT: Duration = Duration::from_secs(5);
 
 /// A root of its own; the endpoint outlives no test.
-fn endpoint() -> (TempDir, Endpoint) {
-    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+fn endpoint() -> (TemporaryRoot, Endpoint) {
+    let root = TemporaryRoot::new().expect("a root");
     let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
     (root, endpoint)
 }
