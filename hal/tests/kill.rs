@@ -98,21 +98,21 @@ fn until<T>(mut poll: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-/// The epoch of the driver whose poses arrive now.
-fn heard_driver(daemon: &mut DaemonEnd, after: u64) -> u64 {
+/// Waits for poses of a driver that started after `after`.
+fn heard_driver(daemon: &mut DaemonEnd, after: u64) {
     until(|| {
         let reading = daemon.read(Stamp::now()).pose;
-        reading.last.filter(|pose| reading.fresh && pose.header.epoch > after).map(|pose| pose.header.epoch)
-    })
+        reading.last.filter(|pose| reading.fresh && pose.header.epoch > after)
+    });
 }
 
-/// Meets a command of a daemon that was claimed after `after`.
-fn heard_daemon(driver: &mut DriverEnd, after: u64) -> u64 {
+/// Waits for a command of a daemon that claimed after `after`.
+fn heard_daemon(driver: &mut DriverEnd, after: u64) {
     until(|| {
         publish(driver);
         let command = driver.take_command(Stamp::now());
-        command.map(|command| command.header.epoch).filter(|epoch| *epoch > after)
-    })
+        command.filter(|command| command.header.epoch > after)
+    });
 }
 
 /// Moments to kill at, before, while and after the victim joins; milliseconds.
@@ -123,14 +123,15 @@ fn killed_drivers_are_followed_by_another_that_the_daemon_hears() {
     let root = TemporaryRoot::new().expect("a root");
     let first = Victim::start("driver", root.path());
     let mut daemon = daemon(&endpoint(root.path()));
-    let mut epoch = heard_driver(&mut daemon, 0);
+    heard_driver(&mut daemon, 0);
     drop(first);
     for moment in MOMENTS {
         let hasty = Victim::start("driver", root.path());
         thread::sleep(Duration::from_millis(moment));
         drop(hasty);
+        let dead = Stamp::now().nanoseconds();
         let _next = Victim::start("driver", root.path());
-        epoch = heard_driver(&mut daemon, epoch.max(Stamp::now().nanoseconds()));
+        heard_driver(&mut daemon, dead);
     }
 }
 
@@ -145,8 +146,9 @@ fn killed_daemons_are_followed_by_another_that_the_driver_hears() {
         let hasty = Victim::start("daemon", root.path());
         thread::sleep(Duration::from_millis(moment));
         drop(hasty);
+        let dead = Stamp::now().nanoseconds();
         let _next = Victim::start("daemon", root.path());
-        heard_daemon(&mut driver, Stamp::now().nanoseconds());
+        heard_daemon(&mut driver, dead);
     }
 }
 
@@ -158,13 +160,13 @@ fn both_killed_are_followed_by_both_in_any_order() {
         let both = (Victim::start("driver", root.path()), Victim::start("daemon", root.path()));
         thread::sleep(Duration::from_millis(moment));
         drop(both);
-        let now = Stamp::now().nanoseconds();
+        let dead = Stamp::now().nanoseconds();
         if index % 2 == 0 {
             let _driver = Victim::start("driver", root.path());
-            heard_driver(&mut daemon(&endpoint), now);
+            heard_driver(&mut daemon(&endpoint), dead);
         } else {
             let _daemon = Victim::start("daemon", root.path());
-            heard_daemon(&mut DriverEnd::create(&endpoint).expect("a driver"), now);
+            heard_daemon(&mut DriverEnd::create(&endpoint).expect("a driver"), dead);
         }
     }
 }
