@@ -5,7 +5,10 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, TemporaryRoot};
+use magsteer_hal::channels::{
+    DaemonEnd, DaemonServices, DriverEnd, Endpoint, OperatorClient, OperatorServices, TemporaryRoot,
+};
+use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, verb};
 use magsteer_hal::scripted::example_description;
 use magsteer_hal::{Authority, Gate, Hardware, MagnetPose, PoseMessage, Stamp};
 
@@ -50,7 +53,18 @@ fn victim() {
         let _ = std::io::stdin().read_line(&mut String::new());
         std::process::exit(0);
     });
-    if role == "driver" {
+    if role == "operators" {
+        let services = OperatorServices::create(&endpoint).expect("services");
+        let mut server = services.into_server().expect("a server");
+        loop {
+            while let Some(incoming) = server.next_request() {
+                let epoch = u64::from(std::process::id());
+                // The client may have given up.
+                let _ = incoming.answer(OperatorAnswer { accepted: 1, epoch, ..OperatorAnswer::default() });
+            }
+            thread::sleep(Duration::from_micros(300));
+        }
+    } else if role == "driver" {
         let mut driver = DriverEnd::create(&endpoint).expect("a driver");
         loop {
             publish(&mut driver);
@@ -149,6 +163,25 @@ fn killed_daemons_are_followed_by_another_that_the_driver_hears() {
         let dead = Stamp::now().nanoseconds();
         let _next = Victim::start("daemon", root.path());
         heard_daemon(&mut driver, dead);
+    }
+}
+
+#[test]
+fn killed_servers_of_operators_are_followed_by_another_that_answers_the_client() {
+    let root = TemporaryRoot::new().expect("a root");
+    let first = Victim::start("operators", root.path());
+    let mut client = OperatorClient::open(&endpoint(root.path()), WAIT).expect("a server");
+    drop(first);
+    for moment in MOMENTS {
+        let hasty = Victim::start("operators", root.path());
+        thread::sleep(Duration::from_millis(moment));
+        drop(hasty);
+        let next = Victim::start("operators", root.path());
+        for verb in [verb::GO, verb::SET_TARGET] {
+            let request = OperatorRequest { verb, ..OperatorRequest::default() };
+            let answer = until(|| client.send(request, Duration::from_millis(200)).ok());
+            assert_eq!(answer.epoch, u64::from(next.0.id()));
+        }
     }
 }
 
