@@ -2,7 +2,11 @@
 //!
 //! Nothing here reaches a driver; the daemon alone commands coils.
 
+pub mod cause;
+
 use iceoryx2::prelude::ZeroCopySend;
+
+pub use cause::Cause;
 
 use crate::message::{Actuation, Header, MAGNETS_MAX};
 

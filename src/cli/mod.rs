@@ -1,1 +1,31 @@
-//! Layer cli.
+//! The command line: one file a subcommand, each a type that clap fills and whose `run` prints and returns an [`exit::Exit`].
+//!
+//! Results go to standard output, everything else to standard error. A subcommand is added by its file and its line in
+//! [`command::Command`]. What is absent: logic that a test would want to call; that lives in the library.
+
+mod actuation;
+mod check;
+mod command;
+#[cfg(feature = "sim")]
+mod demo;
+mod ending;
+mod exit;
+mod field;
+#[cfg(all(feature = "figures", feature = "sim"))]
+mod figures;
+mod operator;
+mod output;
+mod play;
+mod rig_file;
+mod run;
+#[cfg(all(feature = "figures", feature = "sim"))]
+mod run_pictures;
+mod shape;
+mod shape_answer;
+mod shipped;
+#[cfg(feature = "sim")]
+mod sim_plant;
+mod status;
+mod target;
+
+pub use command::run;

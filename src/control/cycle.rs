@@ -1,8 +1,23 @@
 //! One control cycle: a pure function of what was sensed, with state of its own.
 //!
+//! The order of a cycle is that of the paper's Fig. 4: measured tangents (A), wrenches and shape of the model at the
+//! measured actuation (B), orientation Jacobian (C), new currents and angles (D).
+//!
+//! A law follows measurement and reference at one instant: what a pose shows was caused by what was asked for
+//! `pose_age + response_delay` ago, so that it is compared with the reference of then.
+//!
 //! What is absent: a clock, a channel, an allocation after construction, a lock, a log, a panic.
 
-use magsteer_hal::{Actuation, MAGNETS_MAX, PoseMessage};
+use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX, PoseMessage};
+use nalgebra::{Matrix3, Quaternion, Vector3};
+
+use super::allocation::{Allocation, Wish};
+use super::config::ControlConfig;
+use super::error::OrientationError;
+use super::integral::ProportionalIntegral;
+use super::model::Model;
+use super::reference::Reference;
+use crate::rod::Manipulator;
 
 /// Unit vectors, one a magnet, base to tip; entries past the rig's magnets are zero.
 pub type Directions = [[f64; 3]; MAGNETS_MAX];
@@ -16,6 +31,8 @@ pub struct CycleInput {
     pub pose: Option<PoseMessage>,
     /// True when `pose` is new since the previous cycle.
     pub pose_is_fresh: bool,
+    /// Time since `pose` was true, s; 0 without one.
+    pub pose_age: f64,
     /// Measured currents and angles; the last admitted ones when nothing was measured.
     pub measured: Actuation,
     /// Currents and angles admitted last.
@@ -37,6 +54,8 @@ pub struct ModelReport {
     pub passes: u32,
     /// Cycles since the Jacobian in use was computed; 0 when it is this cycle's.
     pub jacobian_age: u32,
+    /// Margin of stability of the last good equilibrium: 1 for the rod at rest, 0 where it snaps through.
+    pub margin: f64,
     /// False when a magnet lies outside the field model's range.
     pub field_valid: bool,
 }
@@ -64,4 +83,192 @@ pub struct CycleOutcome {
 pub trait Step {
     /// Runs one cycle. Never panics, allocates nothing.
     fn step(&mut self, input: &CycleInput) -> CycleOutcome;
+}
+
+/// The controller of one rig.
+#[derive(Debug)]
+pub struct Cycle {
+    model: Model,
+    error: OrientationError,
+    reference: Reference,
+    law: ProportionalIntegral,
+    allocation: Allocation,
+    response_delay: f64,
+    magnets: usize,
+    coils: usize,
+    measured: [Option<Vector3<f64>>; MAGNETS_MAX],
+    rows: Rows,
+}
+
+/// Storage of the rows of one cycle, two a magnet.
+#[derive(Debug)]
+struct Rows {
+    /// Orientation Jacobian (16), by rows, rad/A and rad/rad.
+    jacobian: Vec<f64>,
+    error: Vec<f64>,
+    velocity: Vec<f64>,
+    achieved: Vec<f64>,
+    step: Vec<f64>,
+}
+
+impl Cycle {
+    /// The controller for the rig of `description`, whose statics are those of `manipulator`.
+    #[must_use]
+    pub fn new(config: &ControlConfig, description: &HardwareDescription, manipulator: Manipulator) -> Self {
+        let magnets = manipulator.magnet_count();
+        let coils = description.coils.len();
+        let parameters = coils + description.frames.len();
+        let rows = 2 * magnets;
+        let [first, second, third] = description.manipulator.base_rotation;
+        let base = Matrix3::from_rows(&[first.into(), second.into(), third.into()]);
+        Self {
+            model: Model::new(description, manipulator, config.passes_max),
+            error: OrientationError::new(config.orientation_error, &base),
+            reference: Reference::new(magnets, config.reference_time_constant_ms * 1e-3),
+            law: ProportionalIntegral::new(rows, config.proportional_per_s, config.integral_per_s2),
+            allocation: Allocation::new(config, description, rows),
+            response_delay: config.response_delay_ms * 1e-3,
+            magnets,
+            coils,
+            measured: [None; MAGNETS_MAX],
+            rows: Rows {
+                jacobian: vec![0.0; rows * parameters],
+                error: vec![0.0; rows],
+                velocity: vec![0.0; rows],
+                achieved: vec![0.0; rows],
+                step: vec![0.0; rows],
+            },
+        }
+    }
+
+    /// The statics behind the controller.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Takes the tangents of the magnets that the sensor saw; the others keep their last.
+    fn measure(&mut self, pose: &PoseMessage) {
+        for (measured, magnet) in self.measured.iter_mut().zip(&pose.magnets).take(self.magnets) {
+            if magnet.valid == 1 {
+                let [x, y, z, w] = magnet.orientation_xyzw;
+                let tangent = third_axis(&Quaternion::new(w, x, y, z));
+                *measured = Some(tangent);
+            }
+        }
+    }
+
+    /// Measured tangent of a magnet; before it was ever seen, the model's.
+    fn tangent(&self, magnet: usize) -> Vector3<f64> {
+        self.measured[magnet].unwrap_or_else(|| self.model.tangent(magnet))
+    }
+
+    /// Error and wanted velocity of every row, and the rows of the Jacobian.
+    fn fill_rows(&mut self, age: f64) {
+        let past = self.reference.past(age + self.response_delay);
+        let parameters = self.rows.jacobian.len() / self.rows.error.len().max(1);
+        let present = self.reference.directions();
+        for magnet in 0..self.magnets {
+            let measured = self.tangent(magnet);
+            let error = self.error.rows(&measured, &Vector3::from(past[magnet]));
+            let desired = Vector3::from(present[magnet]);
+            let forward = self.error.map(&desired, &desired) * self.reference.velocity(magnet);
+            let map = self.error.map(&self.model.tangent(magnet), &desired);
+            let tangent_rows = self.model.tangent_jacobian(magnet);
+            for row in 0..2 {
+                let index = 2 * magnet + row;
+                self.rows.error[index] = error[row];
+                self.rows.velocity[index] = forward[row];
+                let target = &mut self.rows.jacobian[index * parameters..(index + 1) * parameters];
+                for (column, entry) in target.iter_mut().enumerate() {
+                    *entry = (0..3).map(|axis| map[(row, axis)] * tangent_rows[axis][column]).sum();
+                }
+            }
+        }
+        self.law.add_velocity(&self.rows.error, &mut self.rows.velocity);
+    }
+
+    /// Steers: chooses increments and lets the law know what the limits left of its wish.
+    fn steer(&mut self, input: &CycleInput) -> (Actuation, f64, u32) {
+        let rows = &mut self.rows;
+        for (step, velocity) in rows.step.iter_mut().zip(&rows.velocity) {
+            *step = velocity * input.period;
+        }
+        let allocated = self.allocation.allocate(&Wish {
+            jacobian: &rows.jacobian,
+            step: &rows.step,
+            admitted: &input.admitted,
+            period: input.period,
+            margin: self.model.margin(),
+            margin_gradient: self.model.margin_gradient(),
+        });
+        let increment = self.allocation.increment();
+        for (achieved, row) in
+            rows.achieved.iter_mut().zip(rows.jacobian.chunks_exact(increment.len().max(1)))
+        {
+            let step: f64 = row.iter().zip(increment).map(|(entry, change)| entry * change).sum();
+            *achieved = step / input.period;
+        }
+        self.law.integrate(&rows.error, &rows.velocity, &rows.achieved, input.period);
+        let mut request = input.admitted;
+        let parameters = request.current_a[..self.coils].iter_mut().chain(&mut request.angle_rad);
+        for (parameter, change) in parameters.zip(increment) {
+            *parameter += change;
+        }
+        (request, allocated.condition, allocated.saturated)
+    }
+
+    /// Puts law and reference at rest where the magnets are, so that steering starts without a bump.
+    fn rest(&mut self) {
+        let mut directions = [Vector3::zeros(); MAGNETS_MAX];
+        for (magnet, direction) in directions.iter_mut().enumerate().take(self.magnets) {
+            *direction = self.tangent(magnet);
+        }
+        self.reference.reset(&directions);
+        self.law.reset();
+    }
+
+    fn directions(&self, of: impl Fn(&Self, usize) -> Vector3<f64>) -> Directions {
+        let mut directions = Directions::default();
+        for (magnet, direction) in directions.iter_mut().enumerate().take(self.magnets) {
+            *direction = of(self, magnet).into();
+        }
+        directions
+    }
+}
+
+impl Step for Cycle {
+    fn step(&mut self, input: &CycleInput) -> CycleOutcome {
+        if let Some(pose) = input.pose.filter(|_| input.pose_is_fresh) {
+            self.measure(&pose);
+        }
+        let report = self.model.follow(&input.measured);
+        let mut outcome = CycleOutcome {
+            request: input.admitted,
+            desired: Directions::default(),
+            measured: self.directions(|cycle, magnet| cycle.measured[magnet].unwrap_or_default()),
+            predicted: self.directions(|cycle, magnet| cycle.model.tangent(magnet)),
+            model: report,
+            condition: 0.0,
+            saturated: 0,
+        };
+        let can_steer =
+            input.engaged && input.pose.is_some() && self.model.has_jacobian() && input.period > 0.0;
+        if can_steer {
+            self.reference.advance(&input.target, input.period);
+            self.fill_rows(input.pose_age);
+            (outcome.request, outcome.condition, outcome.saturated) = self.steer(input);
+        } else {
+            self.rest();
+        }
+        outcome.desired = self.reference.directions();
+        outcome
+    }
+}
+
+/// Third column of the rotation of a unit quaternion: the tangent of a body whose z axis it is.
+fn third_axis(rotation: &Quaternion<f64>) -> Vector3<f64> {
+    let (w, x, y, z) = (rotation.w, rotation.i, rotation.j, rotation.k);
+    let tangent = Vector3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y));
+    tangent.normalize()
 }

@@ -1,5 +1,21 @@
 //! The controller: from measured tangents to requested currents and angles.
+//!
+//! `reference` smooths the targets, `error` compares measured and desired tangents, `integral` turns the error into a wanted
+//! velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties them to the
+//! model's statics and exact Jacobian. What is absent: a clock, a channel, an allocation after construction.
 
+mod allocation;
+mod config;
 mod cycle;
+mod error;
+mod integral;
+mod model;
+mod reference;
 
-pub use cycle::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
+pub use allocation::{Allocated, Allocation, AllocationKind, Wish};
+pub use config::{ControlConfig, FrameUse};
+pub use cycle::{Cycle, CycleInput, CycleOutcome, Directions, ModelReport, Step};
+pub use error::{OrientationError, OrientationErrorKind};
+pub use integral::ProportionalIntegral;
+pub use model::Model;
+pub use reference::Reference;

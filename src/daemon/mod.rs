@@ -1,1 +1,47 @@
-//! Layer daemon.
+//! The daemon: runs the controller at a fixed rate against whatever drives the coils, and guards it.
+//!
+//! Start reading in `control_loop.rs`. What is absent: physics, and any waiting for a message.
+//!
+//! | file | does |
+//! |---|---|
+//! | `control_loop` | one cycle: read, step, supervise, gate, write, record |
+//! | `state` | the states with their diagram, requests, answers |
+//! | `supervisor` | decides the state and what the cycle may send |
+//! | `watch` | what is judged in a cycle, and which cause follows from it |
+//! | `clock` | absolute deadlines, missed periods |
+//! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
+//! | `statistics` | lossless histograms of timing |
+//! | `runner` | the loop's thread |
+//! | `telemetry`, `view` | the other thread: requests, status, log lines |
+//! | `target` | targets and tangents as people write and read them |
+//! | `step_response` | judges how the loop answered a step of its targets |
+//! | `run` | puts the threads together and takes them down |
+
+mod clock;
+mod config;
+mod control_loop;
+#[cfg(test)]
+mod control_loop_tests;
+pub mod kernel;
+mod run;
+mod runner;
+mod state;
+mod statistics;
+pub mod step_response;
+mod supervisor;
+#[cfg(test)]
+mod supervisor_tests;
+pub mod target;
+mod telemetry;
+mod view;
+mod watch;
+
+pub use clock::{Clock, Schedule, Tick};
+pub use config::{DaemonConfig, Limits, RealtimePolicy};
+pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
+pub use run::{RunError, RunPlan, RunReport, run};
+pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
+pub use state::{Answer, Directive, Request, State, Transition, Verb};
+pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};
+pub use supervisor::{Decision, Supervisor};
+pub use watch::{DriverView, Observation, Response, response};

@@ -1,5 +1,7 @@
 //! The field at a point and how it changes: with the point, and with each actuation parameter.
 
+use std::ops::{AddAssign, Mul};
+
 use magsteer_hal::{COILS_MAX, POSE_PARAMETERS_MAX};
 use nalgebra::{Matrix3, Vector3};
 
@@ -70,6 +72,57 @@ impl FieldSecondGradient {
             xz: xxz * x + xyz * y - (xxx + xyy) * z,
             yy: xyy * x + yyy * y + yyz * z,
             yz: xyz * x + yyz * y - (xxy + yyy) * z,
+        }
+    }
+}
+
+impl AddAssign for FieldGradient {
+    #[inline]
+    fn add_assign(&mut self, other: Self) {
+        self.xx += other.xx;
+        self.xy += other.xy;
+        self.xz += other.xz;
+        self.yy += other.yy;
+        self.yz += other.yz;
+    }
+}
+
+impl Mul<f64> for FieldGradient {
+    type Output = Self;
+
+    #[inline]
+    fn mul(self, factor: f64) -> Self {
+        let Self { xx, xy, xz, yy, yz } = self;
+        Self { xx: xx * factor, xy: xy * factor, xz: xz * factor, yy: yy * factor, yz: yz * factor }
+    }
+}
+
+impl AddAssign for FieldSecondGradient {
+    #[inline]
+    fn add_assign(&mut self, other: Self) {
+        self.xxx += other.xxx;
+        self.xxy += other.xxy;
+        self.xxz += other.xxz;
+        self.xyy += other.xyy;
+        self.xyz += other.xyz;
+        self.yyy += other.yyy;
+        self.yyz += other.yyz;
+    }
+}
+
+impl Mul<f64> for FieldSecondGradient {
+    type Output = Self;
+
+    #[inline]
+    fn mul(self, factor: f64) -> Self {
+        Self {
+            xxx: self.xxx * factor,
+            xxy: self.xxy * factor,
+            xxz: self.xxz * factor,
+            xyy: self.xyy * factor,
+            xyz: self.xyz * factor,
+            yyy: self.yyy * factor,
+            yyz: self.yyz * factor,
         }
     }
 }

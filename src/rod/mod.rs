@@ -1,1 +1,36 @@
-//! Layer rod.
+//! Layer rod: statics of a clamped, free-ended chain of flexible sections and rigid magnets, with exact sensitivities.
+//!
+//! # Terms
+//! - **Section**: a Cosserat rod, Kirchhoff or extensible, straight or precurved, under gravity (`section`).
+//! - **Magnet**: a rigid part on which the applied field exerts a wrench at its present pose (`magnet`).
+//! - **Base unknowns**: internal force and moment at the clamp. **Shooting** integrates from them to the tip and
+//!   demands that force and moment there equal the tip load.
+//! - **Pass**: one such integration that yields residual, Newton step and the Jacobian of the magnets with
+//!   every actuation parameter (`shooting`; start reading there). A controller runs one pass a cycle.
+//! - **Solve**: passes until the residual meets a tolerance, near a guess (`solve`) or from rest (`continuation`).
+//!
+//! Constants are in [`Manipulator`], made by [`RodConfig::build`]; state and results are in [`Pass`], allocated once.
+//! What is absent: no pass or solve allocates, logs or panics, and nothing here knows a coil.
+
+mod config;
+mod continuation;
+mod magnet;
+mod manipulator;
+mod pass;
+mod section;
+mod shape;
+mod shooting;
+mod solve;
+mod state;
+mod transition;
+
+#[cfg(test)]
+mod tests;
+
+pub use config::{RodConfig, SolverOptions};
+pub use continuation::Scaled;
+pub use magnet::Wrenches;
+pub use manipulator::Manipulator;
+pub use pass::{MagnetPass, Pass, PassMode, TipLoad};
+pub use shape::Station;
+pub use solve::{Failure, Outcome, Solution};

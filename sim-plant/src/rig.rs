@@ -1,0 +1,106 @@
+//! The plant as [`Hardware`] inside the controller's own process, under stepped time.
+//!
+//! [`Hardware::read`] first advances the plant to the stamp that it is given, so that the very loop
+//! that drives a real rig runs in lockstep, as fast as the machine allows and the same every time.
+//! The first read starts the clock and finds nothing.
+
+use magsteer_hal::{
+    AdmittedCommand, CoilFeedback, CommandWriter, FeedbackReceiver, Hardware, HardwareDescription,
+    HeaderWriter, PoseMessage, PoseReceiver, Sensed, Stamp, WriteError,
+};
+
+use crate::plant::Plant;
+
+/// A plant and both halves of its channels, in-process.
+#[derive(Debug, Clone)]
+pub struct SimulatedRig {
+    plant: Plant,
+    is_started: bool,
+    reported_until: Stamp,
+    pose_header: HeaderWriter,
+    feedback_header: HeaderWriter,
+    pose: PoseReceiver,
+    feedback: FeedbackReceiver,
+    writer: CommandWriter,
+    injected_pose: Option<PoseMessage>,
+    injected_feedback: Option<CoilFeedback>,
+}
+
+impl SimulatedRig {
+    /// Takes over a plant that was built from `description`.
+    #[must_use]
+    pub fn new(plant: Plant, description: &HardwareDescription) -> Self {
+        Self {
+            plant,
+            is_started: false,
+            reported_until: Stamp::default(),
+            pose_header: HeaderWriter::new(1),
+            feedback_header: HeaderWriter::new(1),
+            pose: PoseReceiver::new(description),
+            feedback: FeedbackReceiver::new(description),
+            writer: CommandWriter::new(description),
+            injected_pose: None,
+            injected_feedback: None,
+        }
+    }
+
+    /// The plant, for its truth and its counts.
+    #[must_use]
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// The next read receives exactly these poses in place of the sensor's.
+    pub fn inject_pose(&mut self, message: PoseMessage) {
+        self.injected_pose = Some(message);
+    }
+
+    /// The next read receives exactly this feedback in place of the driver's.
+    pub fn inject_feedback(&mut self, message: CoilFeedback) {
+        self.injected_feedback = Some(message);
+    }
+
+    /// The newest messages that came about on the way to `now`.
+    fn advance_to(&mut self, now: Stamp) -> (Option<PoseMessage>, Option<CoilFeedback>) {
+        if !self.is_started {
+            self.is_started = true;
+            self.plant.set_clock(now);
+            self.reported_until = now;
+            return (None, None);
+        }
+        let mut newest = None;
+        while self.plant.now().after(self.plant.step_duration()) <= now {
+            self.plant.advance();
+            while let Some(mut message) = self.plant.take_pose() {
+                self.pose_header.write(&mut message.header, self.plant.now());
+                newest = Some(message);
+            }
+        }
+        if self.plant.now() == self.reported_until {
+            return (newest, None);
+        }
+        self.reported_until = self.plant.now();
+        let mut feedback = self.plant.feedback();
+        self.feedback_header.write(&mut feedback.header, self.plant.now());
+        (newest, Some(feedback))
+    }
+}
+
+impl Hardware for SimulatedRig {
+    fn read(&mut self, now: Stamp) -> Sensed {
+        let (pose, feedback) = self.advance_to(now);
+        let pose = self.injected_pose.take().or(pose);
+        let feedback = self.injected_feedback.take().or(feedback);
+        Sensed {
+            pose: self.pose.receive(pose.as_ref(), now),
+            feedback: self.feedback.receive(feedback.as_ref(), now),
+        }
+    }
+
+    fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {
+        let message = self.writer.message(command, now);
+        // A driver that refuses says so in its feedback alone, as a remote one does.
+        let _ = self.plant.offer(&message, now);
+        Ok(())
+    }
+}

@@ -1,0 +1,94 @@
+//! The list of subcommands.
+
+use clap::{Parser, Subcommand};
+use magsteer_hal::operator::verb;
+
+use super::check::Check;
+#[cfg(feature = "sim")]
+use super::demo::Demo;
+use super::exit::Exit;
+use super::field::Field;
+use super::operator::RequestArgs;
+use super::output;
+use super::run::Run;
+use super::shape::Shape;
+#[cfg(feature = "sim")]
+use super::sim_plant::SimPlant;
+use super::status::Status;
+use super::target::Target;
+
+/// Steers soft continuum manipulators carrying permanent magnets with an array of mobile electromagnets.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    propagate_version = true,
+    after_help = "Research software, not a medical device.\n\n\
+    Exit codes: 0 done; 1 the answer is no; 2 usage; 65 data refused; 66 no such input; 69 daemon or driver not there;\n\
+    70 a mistake in this program; 73 cannot create; 74 input or output failed; 77 no permission; 78 configuration refused;\n\
+    130, 143 ramped down after SIGINT, SIGTERM."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Every subcommand.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    #[cfg(feature = "sim")]
+    Demo(Demo),
+    #[cfg(feature = "sim")]
+    SimPlant(SimPlant),
+    Run(Run),
+    Status(Status),
+    Target(Target),
+    /// Take authority over the coils at zero current.
+    Arm(RequestArgs),
+    /// Start steering towards the targets, or go on after a hold.
+    Go(RequestArgs),
+    /// Keep steering to where the reference is now.
+    Hold(RequestArgs),
+    /// Ramp all currents to zero and give up authority.
+    Stop(RequestArgs),
+    /// Clear a latched fault whose cause is gone.
+    Reset(RequestArgs),
+    /// Cut the amplifiers at once; a hardware stop stays primary.
+    Estop(RequestArgs),
+    Check(Check),
+    Field(Field),
+    Shape(Shape),
+}
+
+impl Command {
+    fn run(&self) -> anyhow::Result<Exit> {
+        match self {
+            #[cfg(feature = "sim")]
+            Self::Demo(command) => command.run(),
+            #[cfg(feature = "sim")]
+            Self::SimPlant(command) => command.run(),
+            Self::Run(command) => command.run(),
+            Self::Status(command) => command.run(),
+            Self::Target(command) => command.run(),
+            Self::Arm(request) => request.run(verb::ARM),
+            Self::Go(request) => request.run(verb::GO),
+            Self::Hold(request) => request.run(verb::HOLD),
+            Self::Stop(request) => request.run(verb::STOP),
+            Self::Reset(request) => request.run(verb::RESET),
+            Self::Estop(request) => request.run(verb::ESTOP),
+            Self::Check(command) => command.run(),
+            Self::Field(command) => command.run(),
+            Self::Shape(command) => command.run(),
+        }
+    }
+}
+
+/// Parses the command line and runs the subcommand. A wrong command line ends the process with code 2.
+pub fn run() -> Exit {
+    match Cli::parse().command.run() {
+        Ok(exit) => exit,
+        Err(error) => {
+            output::error(format_args!("{error:#}"));
+            Exit::of(&error)
+        }
+    }
+}

@@ -1,0 +1,278 @@
+//! `magsteer demo`: plant and daemon as two processes, the planar experiment, a table and two pictures.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use clap::Args;
+use magsteer::config::{Config, Document, Experiment};
+use magsteer::daemon::step_response::StepResponse;
+use magsteer::daemon::{RunReport, StopFlag};
+use magsteer_hal::channels::Endpoint;
+use magsteer_hal::operator::{state, verb};
+use serde::Serialize;
+
+use super::ending::{exit_of, watching};
+use super::exit::{Exit, Failure};
+use super::output;
+use super::play::{Played, Session, table};
+use super::shipped;
+use super::sim_plant::PlantReport;
+
+/// How long plant and daemon may take to appear.
+const START_WAIT: Duration = Duration::from_secs(20);
+/// How long the rig may take until it can be armed.
+const READY_WAIT: Duration = Duration::from_secs(5);
+/// How long a child may take to ramp down and end.
+const END_WAIT: Duration = Duration::from_secs(10);
+
+/// Steer two magnets on a simulated rig: plant and daemon as two processes that meet in shared memory alone.
+///
+/// Plays the planar experiment in real time, judges every step by the plant's true poses, and draws two pictures. Ends with 0
+/// when every step settled, with 1 when one did not.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  magsteer demo\n  magsteer demo --config config/bigmag-planar-camera.toml --json"
+)]
+pub struct Demo {
+    /// Configuration; config/bigmag-planar.toml when left out, or the copy of it in this program.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Experiment; config/experiments/planar.toml when left out, or the copy of it in this program.
+    #[arg(long, value_name = "FILE")]
+    experiment: Option<PathBuf>,
+    /// Folder for this run's files; a dated one below `runs` when left out.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The stable keys of `demo --json`; `plant` stands beside them.
+#[derive(Serialize)]
+struct Answer<'a> {
+    all_settled: bool,
+    steps: Vec<&'a StepResponse>,
+    #[serde(rename = "loop")]
+    timing: &'a magsteer::daemon::TimingSummary,
+    files: &'a [PathBuf],
+    judged_by_truth: bool,
+    daemon: &'a RunReport,
+    plant: &'a PlantReport,
+}
+
+impl Demo {
+    pub fn run(&self) -> anyhow::Result<Exit> {
+        let document = shipped::config(self.config.as_deref())?;
+        let config = Config::from_document(&document)?;
+        let magnets: Vec<&str> = config.description.magnets().map(|magnet| magnet.name.as_str()).collect();
+        let experiment =
+            Experiment::from_document(&shipped::experiment(self.experiment.as_deref())?, &magnets)?;
+        let folder = self.folder()?;
+        let stop = Arc::new(StopFlag::new());
+        let (played, daemon, plant) = watching(
+            &stop,
+            false,
+            || (),
+            || {
+                let rig = Rig::start(&document, &config, &folder)?;
+                let played = rig.play(&experiment, &magnets, &stop);
+                let (daemon, plant) = rig.end()?;
+                anyhow::Ok((played?, daemon, plant))
+            },
+        )??;
+        if stop.requested().is_some() {
+            output::note("interrupted: the coils were ramped to zero");
+            return Ok(exit_of(&stop));
+        }
+        let files = draw(&folder, &config, &played)?;
+        self.print(&played, &daemon, &plant, &files)?;
+        let is_sound = played.all_settled() && daemon.is_clean() && plant.limit_breaks == 0;
+        Ok(if is_sound { Exit::Success } else { Exit::No })
+    }
+
+    /// Makes the folder for this run.
+    fn folder(&self) -> anyhow::Result<PathBuf> {
+        let folder = self.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(dated("demo")));
+        std::fs::create_dir_all(&folder).map_err(|error| {
+            Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", folder.display()))
+        })?;
+        Ok(folder)
+    }
+
+    fn print(
+        &self,
+        played: &Played,
+        daemon: &RunReport,
+        plant: &PlantReport,
+        files: &[PathBuf],
+    ) -> anyhow::Result<()> {
+        if self.json {
+            return output::json(&Answer {
+                all_settled: played.all_settled(),
+                steps: played.steps.iter().map(|step| &step.response).collect(),
+                timing: &daemon.timing,
+                files,
+                judged_by_truth: played.judged_by_truth,
+                daemon,
+                plant,
+            });
+        }
+        let timing = &daemon.timing;
+        let mut text = format!("\n{}\n", table(played));
+        text += &format!(
+            "loop at {:.0} Hz: {} cycles, {} missed; lateness p50 {:.0} us, p99 {:.0} us, max {:.0} us; \
+             execution p50 {:.0} us, p99 {:.0} us, max {:.0} us\n",
+            timing.rate_hz,
+            timing.cycles,
+            timing.missed,
+            timing.lateness_us.p50,
+            timing.lateness_us.p99,
+            timing.lateness_us.max,
+            timing.execution_us.p50,
+            timing.execution_us.p99,
+            timing.execution_us.max,
+        );
+        text += &format!(
+            "plant: {} commands beyond a limit, largest current {:.2} A\n",
+            plant.limit_breaks, plant.current_max_a
+        );
+        for file in files {
+            text += &format!("{}\n", file.display());
+        }
+        text += if played.all_settled() { "every step settled\n" } else { "NOT every step settled\n" };
+        Ok(output::result(text)?)
+    }
+}
+
+/// Plant and daemon as child processes, under a root directory of their own.
+struct Rig {
+    plant: Process,
+    daemon: Process,
+    endpoint: Endpoint,
+    root: PathBuf,
+}
+
+impl Rig {
+    fn start(document: &Document, config: &Config, folder: &Path) -> anyhow::Result<Self> {
+        // Both processes read the very same text: the merged file, kept beside the results.
+        let file = folder.join("config.toml");
+        std::fs::write(&file, document.resolved().text)
+            .with_context(|| format!("{}: cannot be written", file.display()))?;
+        let root = Path::new("/dev/shm").join(format!("magsteer-demo-{}", std::process::id()));
+        let endpoint = Endpoint::new(&config.description.rig, Some(&root))?;
+        let plant = Process::start("sim-plant", &file, &root, folder)?;
+        let daemon = Process::start("run", &file, &root, folder)?;
+        Ok(Self { plant, daemon, endpoint, root })
+    }
+
+    fn play(&self, experiment: &Experiment, magnets: &[&str], stop: &StopFlag) -> anyhow::Result<Played> {
+        let mut session = Session::open(&self.endpoint, START_WAIT).map_err(|error| self.explain(error))?;
+        session.wait_for(&[state::IDLE], START_WAIT).map_err(|error| self.explain(error))?;
+        session.arm(READY_WAIT)?;
+        session.request(verb::GO, "go")?;
+        session.play(experiment, magnets, stop).map_err(|error| self.explain(error))
+    }
+
+    /// Adds where the children's own words stand.
+    fn explain(&self, error: anyhow::Error) -> anyhow::Error {
+        let logs = [&self.plant, &self.daemon].map(|process| process.log.display().to_string());
+        Failure::with(Exit::of(&error), anyhow!("{error:#}; see {} and {}", logs[0], logs[1]))
+    }
+
+    /// Stops the daemon, then the plant: each ramps down, reports and ends.
+    fn end(self) -> anyhow::Result<(RunReport, PlantReport)> {
+        let daemon = self.daemon.end();
+        let plant = self.plant.end();
+        // Whatever the children left there is of no use to anybody.
+        let _ = std::fs::remove_dir_all(&self.root);
+        let daemon = serde_json::from_str(&daemon?).context("the daemon's report cannot be read")?;
+        let plant = serde_json::from_str(&plant?).context("the plant's report cannot be read")?;
+        Ok((daemon, plant))
+    }
+}
+
+/// A child that ends when its standard input closes, so that it never outlives this process.
+struct Process {
+    name: &'static str,
+    child: Child,
+    input: Option<ChildStdin>,
+    log: PathBuf,
+}
+
+impl Process {
+    fn start(name: &'static str, config: &Path, root: &Path, folder: &Path) -> anyhow::Result<Self> {
+        let log = folder.join(format!("{name}.log"));
+        let messages =
+            std::fs::File::create(&log).with_context(|| format!("{}: cannot be created", log.display()))?;
+        let program = std::env::current_exe().context("cannot find this program")?;
+        let mut child = Command::new(program)
+            .arg(name)
+            .arg(config)
+            .arg("--root")
+            .arg(root)
+            .args(["--json", "--end-with-stdin"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(messages)
+            .spawn()
+            .with_context(|| format!("cannot start {name}"))?;
+        let input = child.stdin.take();
+        Ok(Self { name, child, input, log })
+    }
+
+    /// Asks the child to end and returns what it printed.
+    fn end(mut self) -> anyhow::Result<String> {
+        drop(self.input.take());
+        let deadline = Instant::now() + END_WAIT;
+        let status = loop {
+            if let Some(status) = self.child.try_wait()? {
+                break status;
+            }
+            if Instant::now() > deadline {
+                let _ = self.child.kill();
+                break self.child.wait()?;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        let mut printed = String::new();
+        if let Some(mut output) = self.child.stdout.take() {
+            output.read_to_string(&mut printed)?;
+        }
+        if printed.trim().is_empty() {
+            let words = std::fs::read_to_string(&self.log).unwrap_or_default();
+            let failure = anyhow!("{} ended with {status}: {}", self.name, words.trim());
+            return Err(Failure::with(Exit::Software, failure));
+        }
+        Ok(printed)
+    }
+}
+
+/// `NAME-YYYYMMDD-HHMMSS`, UTC.
+fn dated(name: &str) -> String {
+    let now = time::OffsetDateTime::now_utc();
+    format!(
+        "{name}-{:04}{:02}{:02}-{:02}{:02}{:02}",
+        now.year(),
+        u8::from(now.month()),
+        now.day(),
+        now.hour(),
+        now.minute(),
+        now.second()
+    )
+}
+
+#[cfg(feature = "figures")]
+fn draw(folder: &Path, config: &Config, played: &Played) -> anyhow::Result<Vec<PathBuf>> {
+    super::run_pictures::draw(folder, config, played)
+}
+
+/// This build draws nothing.
+#[cfg(not(feature = "figures"))]
+fn draw(_: &Path, _: &Config, _: &Played) -> anyhow::Result<Vec<PathBuf>> {
+    Ok(Vec::new())
+}

@@ -1,0 +1,195 @@
+//! Pictures of a run as PNG: the one module that knows the plotting library.
+
+use std::path::Path;
+
+use anyhow::{Context, anyhow};
+use kuva::backend::png::PngBackend;
+use kuva::plot::{LegendEntry, LegendShape, LinePlot, ScatterPlot};
+use kuva::render::annotations::ReferenceLine;
+use kuva::render::figure::{Figure, FigureLegendPosition};
+use kuva::render::layout::Layout;
+use kuva::render::plots::Plot;
+
+/// Colours that stay apart in print and for colour-blind readers (Okabe, Ito 2008).
+const COLORS: [&str; 8] =
+    ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999"];
+const MEASURED_COLOR: &str = COLORS[0];
+const PREDICTED_COLOR: &str = COLORS[1];
+const DESIRED_COLOR: &str = COLORS[6];
+/// Pixels per unit of the layout: sharp at a journal's column width.
+const SCALE: f32 = 2.0;
+
+/// Angle of one magnet against time; each curve as (s, deg).
+pub struct AngleHistory {
+    /// Name of the magnet.
+    pub magnet: String,
+    /// What the operator asked for.
+    pub desired: Vec<(f64, f64)>,
+    /// What the sensor saw.
+    pub measured: Vec<(f64, f64)>,
+    /// What the model predicted.
+    pub predicted: Vec<(f64, f64)>,
+}
+
+/// Current of one coil against time, (s, A).
+pub struct CurrentHistory {
+    /// Name of the coil.
+    pub coil: String,
+    /// Measured current.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// The manipulator seen from the side, lengths in mm.
+pub struct SideView {
+    /// Heading of the panel.
+    pub title: String,
+    /// Centre line, (x, z).
+    pub centre_line: Vec<(f64, f64)>,
+    /// Both ends of each magnet.
+    pub magnets: Vec<[(f64, f64); 2]>,
+    /// A line through each magnet's centre along its target.
+    pub targets: Vec<[(f64, f64); 2]>,
+}
+
+/// Draws angles of each magnet (desired, measured, predicted) and the coil currents against time.
+///
+/// # Errors
+/// When the picture cannot be rendered or written.
+pub fn angles_against_time(
+    path: &Path,
+    angles: &[AngleHistory],
+    currents: &[CurrentHistory],
+    current_limit_a: f64,
+) -> anyhow::Result<()> {
+    let mut panels = Vec::new();
+    let mut layouts = Vec::new();
+    let last = angles.iter().filter_map(|history| history.measured.last());
+    let time_max = last.fold(0.0_f64, |most, point| most.max(point.0)).ceil();
+    for history in angles {
+        let curve = |points: &[(f64, f64)], color: &str, width: f64| {
+            LinePlot::new().with_data(points.to_vec()).with_color(color).with_stroke_width(width)
+        };
+        let plots: Vec<Plot> = vec![
+            curve(&history.measured, MEASURED_COLOR, 1.2).into(),
+            curve(&history.predicted, PREDICTED_COLOR, 1.2).into(),
+            curve(&history.desired, DESIRED_COLOR, 1.4).with_dashed().into(),
+        ];
+        let label = format!("angle of {} (deg)", history.magnet);
+        let layout = Layout::auto_from_plots(&plots).with_x_label("time (s)").with_y_label(label);
+        layouts.push(layout.with_x_axis_min(0.0).with_x_axis_max(time_max));
+        panels.push(plots);
+    }
+    if !currents.is_empty() {
+        let draw = |(index, history): (usize, &CurrentHistory)| -> Plot {
+            LinePlot::new()
+                .with_data(history.points.clone())
+                .with_color(COLORS[index % COLORS.len()])
+                .with_stroke_width(1.2)
+                .with_legend(history.coil.clone())
+                .into()
+        };
+        let plots: Vec<Plot> = currents.iter().enumerate().map(draw).collect();
+        let limit = |value| ReferenceLine::horizontal(value).with_color("#999999");
+        let layout = Layout::auto_from_plots(&plots)
+            .with_x_label("time (s)")
+            .with_y_label("coil current (A)")
+            .with_x_axis_min(0.0)
+            .with_x_axis_max(time_max)
+            .with_y_axis_min(-1.1 * current_limit_a)
+            .with_y_axis_max(1.1 * current_limit_a)
+            .with_reference_line(limit(current_limit_a))
+            .with_reference_line(limit(-current_limit_a));
+        layouts.push(layout);
+        panels.push(plots);
+    }
+    let rows = panels.len();
+    let curves = [
+        ("measured", MEASURED_COLOR, None),
+        ("predicted by the model", PREDICTED_COLOR, None),
+        ("desired", DESIRED_COLOR, Some("6 4".to_owned())),
+    ];
+    let legend = curves.map(|(label, color, dasharray)| LegendEntry {
+        label: label.to_owned(),
+        color: color.to_owned(),
+        shape: LegendShape::Line,
+        dasharray,
+    });
+    let figure = Figure::new(rows, 1)
+        .with_plots(panels)
+        .with_layouts(layouts)
+        .with_cell_size(900.0, 260.0)
+        .with_padding(30.0)
+        .with_shared_legend_entries(legend.to_vec())
+        .with_shared_legend_position(FigureLegendPosition::TopCenter)
+        .with_keep_panel_legends();
+    write(path, figure)
+}
+
+/// Draws one panel a view of the manipulator in the x-z plane.
+///
+/// # Errors
+/// When the picture cannot be rendered or written.
+pub fn side_views(path: &Path, views: &[SideView]) -> anyhow::Result<()> {
+    let columns = views.len().clamp(1, 4);
+    let rows = views.len().div_ceil(columns).max(1);
+    let all = || views.iter().flat_map(|view| view.centre_line.iter().chain(view.targets.iter().flatten()));
+    let range = |component: fn(&(f64, f64)) -> f64| {
+        let least = all().map(component).fold(f64::INFINITY, f64::min);
+        let most = all().map(component).fold(f64::NEG_INFINITY, f64::max);
+        (least - 3.0, most + 3.0)
+    };
+    let (x_range, z_range) = (range(|point| point.0), range(|point| point.1));
+    let mut panels = Vec::new();
+    let mut layouts = Vec::new();
+    for view in views {
+        panels.push(panel(view));
+        layouts.push(
+            Layout::new(x_range, z_range)
+                .with_equal_aspect()
+                .with_title(view.title.clone())
+                .with_title_size(14)
+                .with_x_label("x (mm)")
+                .with_y_label("z (mm)"),
+        );
+    }
+    let entry = |label: &str, color: &str, dasharray: Option<&str>| LegendEntry {
+        label: label.to_owned(),
+        color: color.to_owned(),
+        shape: LegendShape::Line,
+        dasharray: dasharray.map(str::to_owned),
+    };
+    let legend = vec![
+        entry("flexible section", COLORS[7], None),
+        entry("magnet", MEASURED_COLOR, None),
+        entry("target direction", PREDICTED_COLOR, Some("6 4")),
+    ];
+    let height = (320.0 * (z_range.1 - z_range.0) / (x_range.1 - x_range.0)).clamp(150.0, 480.0) + 90.0;
+    let figure = Figure::new(rows, columns)
+        .with_plots(panels)
+        .with_layouts(layouts)
+        .with_cell_size(330.0, height)
+        .with_padding(30.0)
+        .with_shared_legend_entries(legend)
+        .with_shared_legend_position(FigureLegendPosition::TopCenter);
+    write(path, figure)
+}
+
+fn panel(view: &SideView) -> Vec<Plot> {
+    let line = |points: &[(f64, f64)], color: &str, width: f64| {
+        LinePlot::new().with_data(points.to_vec()).with_color(color).with_stroke_width(width)
+    };
+    let mut plots: Vec<Plot> = vec![line(&view.centre_line, COLORS[7], 3.0).into()];
+    plots.extend(view.magnets.iter().map(|ends| line(ends, MEASURED_COLOR, 6.0).into()));
+    plots.extend(view.targets.iter().map(|ends| line(ends, PREDICTED_COLOR, 1.4).with_dashed().into()));
+    let clamp = view.centre_line.first().copied();
+    let marker = ScatterPlot::new().with_data(clamp.into_iter().collect::<Vec<_>>()).with_color(COLORS[6]);
+    plots.push(marker.with_size(4.0).into());
+    plots
+}
+
+fn write(path: &Path, figure: Figure) -> anyhow::Result<()> {
+    let scene = figure.render();
+    let picture = PngBackend::new().with_scale(SCALE).render_scene(&scene);
+    let bytes = picture.map_err(|reason| anyhow!("{}: cannot be drawn: {reason}", path.display()))?;
+    std::fs::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
+}

@@ -1,0 +1,124 @@
+//! The two pictures of a played experiment: angles against time, and the manipulator at the end of each step.
+
+use std::path::{Path, PathBuf};
+
+use magsteer::config::Config;
+use magsteer::daemon::step_response::polar_angle;
+use magsteer::magnetics::CoilArray;
+use magsteer::rod::{Manipulator, Pass, PassMode, Station, TipLoad};
+use magsteer_hal::Actuation;
+use nalgebra::Vector3;
+
+use super::figures::{AngleHistory, CurrentHistory, SideView, angles_against_time, side_views};
+use super::play::{Played, PlayedStep, Sample};
+
+/// Half the length of the line that shows a target's direction, mm.
+const TARGET_REACH_MM: f64 = 9.0;
+
+/// Draws both pictures into `folder` and returns their paths.
+///
+/// # Errors
+/// When a picture cannot be drawn or written.
+pub fn draw(folder: &Path, config: &Config, played: &Played) -> anyhow::Result<Vec<PathBuf>> {
+    let rig = &config.description;
+    let mut files = Vec::new();
+    let path = folder.join("angles.png");
+    let angles: Vec<AngleHistory> = rig
+        .magnets()
+        .enumerate()
+        .map(|(index, magnet)| angle_history(index, &magnet.name, &played.samples))
+        .collect();
+    let currents: Vec<CurrentHistory> = rig
+        .coils
+        .iter()
+        .enumerate()
+        .map(|(index, coil)| CurrentHistory {
+            coil: coil.name.clone(),
+            points: played
+                .samples
+                .iter()
+                .map(|sample| (sample.time_s, sample.actuation.current_a[index]))
+                .collect(),
+        })
+        .collect();
+    let limit = rig.coils.iter().fold(0.0, |most: f64, coil| most.max(coil.current_max));
+    angles_against_time(&path, &angles, &currents, limit)?;
+    files.push(path);
+    if let Some(manipulator) = &config.manipulator {
+        let path = folder.join("side-views.png");
+        let mut shapes = Shapes::at_rest(CoilArray::new(rig), manipulator);
+        let mut samples = played.samples.iter().peekable();
+        let views: Vec<SideView> = played
+            .steps
+            .iter()
+            .map(|step| {
+                while let Some(sample) = samples.next_if(|sample| sample.time_s <= step.end_s) {
+                    shapes.follow(&sample.actuation);
+                }
+                shapes.side_view(step)
+            })
+            .collect();
+        side_views(&path, &views)?;
+        files.push(path);
+    }
+    Ok(files)
+}
+
+fn angle_history(index: usize, magnet: &str, samples: &[Sample]) -> AngleHistory {
+    let curve = |of: fn(&Sample) -> &[[f64; 3]; magsteer_hal::MAGNETS_MAX]| {
+        samples.iter().map(|sample| (sample.time_s, polar_angle(&of(sample)[index]).to_degrees())).collect()
+    };
+    AngleHistory {
+        magnet: magnet.to_owned(),
+        desired: curve(|sample| &sample.target),
+        measured: curve(|sample| &sample.measured),
+        predicted: curve(|sample| &sample.predicted),
+    }
+}
+
+/// The model's shape, followed along the measured actuation: where several equilibria exist for the same currents, the one
+/// that the rod came to.
+struct Shapes<'a> {
+    array: CoilArray,
+    manipulator: &'a Manipulator,
+    pass: Pass,
+}
+
+impl<'a> Shapes<'a> {
+    fn at_rest(array: CoilArray, manipulator: &'a Manipulator) -> Self {
+        let mut pass = Pass::new(manipulator);
+        let posed = array.posed(&[]);
+        manipulator.solve_from_rest(&posed.actuated(&[]), &TipLoad::NONE, PassMode::default(), &mut pass);
+        Self { array, manipulator, pass }
+    }
+
+    /// Moves on to the equilibrium at `actuation` that lies nearest.
+    fn follow(&mut self, actuation: &Actuation) {
+        let posed = self.array.posed(&actuation.angle_rad);
+        let field = posed.actuated(&actuation.current_a);
+        let guess = self.pass.unknowns();
+        self.manipulator.solve(&field, &TipLoad::NONE, &guess, PassMode::default(), &mut self.pass);
+    }
+
+    fn side_view(&self, step: &PlayedStep) -> SideView {
+        let stations = self.manipulator.shape(&self.pass);
+        let in_plane = |position: &Vector3<f64>| (position.x * 1e3, position.z * 1e3);
+        let targets = self.pass.magnets().iter().zip(&step.target).map(|(magnet, direction)| {
+            let (x, z) = in_plane(&magnet.position());
+            let reach = [-TARGET_REACH_MM, TARGET_REACH_MM];
+            reach.map(|length| (x + length * direction[0], z + length * direction[2]))
+        });
+        let angles: Vec<String> =
+            step.response.target_deg.iter().map(|angle| format!("{angle:.0}")).collect();
+        SideView {
+            title: format!("({}) deg", angles.join(", ")),
+            centre_line: stations.iter().map(|station| in_plane(&station.position)).collect(),
+            magnets: stations
+                .windows(2)
+                .filter(|pair| pair[1].magnet.is_some())
+                .map(|pair| [&pair[0], &pair[1]].map(|station: &Station| in_plane(&station.position)))
+                .collect(),
+            targets: targets.collect(),
+        }
+    }
+}

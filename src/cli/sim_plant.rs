@@ -1,0 +1,146 @@
+//! `magsteer sim-plant`: the simulated rig as a driver process.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+use magsteer::config::{Config, Problems};
+use magsteer::daemon::StopFlag;
+use magsteer_hal::channels::DriverEnd;
+use magsteer_sim_plant::{PlantConfig, process};
+use serde::{Deserialize, Serialize};
+
+use super::ending::{exit_of, watching};
+use super::exit::Exit;
+use super::output;
+use super::rig_file::{RootArgs, channel_failure};
+
+/// Run the simulated rig as a driver: BigMag's coils, a dynamic rod, a pose sensor.
+///
+/// It guards itself like a driver of real coils: without a valid command in time it ramps all currents to zero. SIGINT,
+/// SIGTERM and SIGHUP end it, currents at zero, with 130 or 143.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  magsteer sim-plant config/bigmag-planar.toml &\n  magsteer run config/bigmag-planar.toml"
+)]
+pub struct SimPlant {
+    /// Configuration file (TOML) with a `[plant]` table.
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Seed in place of the configured one.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    #[command(flatten)]
+    root: RootArgs,
+    /// Also end when standard input closes, for a plant that must not outlive who started it.
+    #[arg(long)]
+    end_with_stdin: bool,
+    /// At the end, print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What the plant saw.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlantReport {
+    /// Steps of the simulation.
+    pub steps: u64,
+    /// Steps whose equations were not solved.
+    pub steps_unsolved: u64,
+    /// Simulated time left out because the machine held the process up.
+    pub left_out_s: f64,
+    /// Longest delay of a wake-up.
+    pub lateness_max_us: f64,
+    /// Largest current of any coil.
+    pub current_max_a: f64,
+    /// Commands beyond a current or slew limit.
+    pub limit_breaks: u64,
+    /// Commands refused.
+    pub commands_refused: u64,
+    /// The last way to zero current after authority was lost: from its loss; absent when there was none.
+    pub ramp_down_ms: Option<f64>,
+    /// The same, from the last command that was obeyed.
+    pub ramp_down_from_last_command_ms: Option<f64>,
+    /// True when every coil was at zero at the end.
+    pub ended_currentless: bool,
+}
+
+impl SimPlant {
+    pub fn run(&self) -> anyhow::Result<Exit> {
+        let (document, config) = Config::load(&self.file)?;
+        let mut settings = document.section::<PlantConfig>("plant")?;
+        if let Some(seed) = self.seed {
+            settings.seed = seed;
+        }
+        let built = settings.build(&config.description);
+        let mut plant = match built {
+            Ok(plant) => plant,
+            Err(refused) => {
+                return Err(Problems::refuse(document.refuse(refused), ()).expect_err("refused").into());
+            }
+        };
+        let endpoint = self.root.endpoint(&config.description.rig)?;
+        let stop = Arc::new(StopFlag::new());
+        let ended = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&ended);
+        let ask = move || flag.store(true, Ordering::Relaxed);
+        let summary = watching(&stop, self.end_with_stdin, ask, || {
+            let mut end = DriverEnd::create(&endpoint).map_err(channel_failure)?;
+            output::note(format_args!(
+                "simulated rig {} is running, sensor {}",
+                endpoint.rig(),
+                settings.sensor
+            ));
+            anyhow::Ok(process::run(&mut plant, &settings.real_time, &mut end, &ended))
+        })??;
+        let report = PlantReport::of(&summary);
+        if self.json {
+            output::json(&report)?;
+        } else {
+            output::result(report.text())?;
+        }
+        Ok(if report.ended_currentless { exit_of(&stop) } else { Exit::No })
+    }
+}
+
+impl PlantReport {
+    fn of(summary: &process::Summary) -> Self {
+        let milliseconds = |duration: std::time::Duration| duration.as_secs_f64() * 1e3;
+        Self {
+            steps: summary.counts.steps,
+            steps_unsolved: summary.counts.steps_unsolved,
+            left_out_s: summary.left_out.as_secs_f64(),
+            lateness_max_us: summary.lateness_max.as_secs_f64() * 1e6,
+            current_max_a: summary.counts.current_max,
+            limit_breaks: summary.limit_breaks,
+            commands_refused: summary.commands_refused,
+            ramp_down_ms: summary.last_ramp.map(|ramp| milliseconds(ramp.from_loss)),
+            ramp_down_from_last_command_ms: summary
+                .last_ramp
+                .map(|ramp| milliseconds(ramp.from_last_command)),
+            ended_currentless: summary.ended_currentless,
+        }
+    }
+
+    fn text(&self) -> String {
+        let ramp = match (self.ramp_down_ms, self.ramp_down_from_last_command_ms) {
+            (Some(from_loss), Some(from_last)) => format!(
+                "last ramp to zero: {from_loss:.1} ms after authority was lost, {from_last:.1} ms after the last command\n"
+            ),
+            _ => String::new(),
+        };
+        format!(
+            "{} steps, {} unsolved, {:.3} s left out, late by at most {:.0} us\n\
+             largest current {:.2} A, {} commands beyond a limit, {} refused\n{ramp}{}\n",
+            self.steps,
+            self.steps_unsolved,
+            self.left_out_s,
+            self.lateness_max_us,
+            self.current_max_a,
+            self.limit_breaks,
+            self.commands_refused,
+            if self.ended_currentless { "ended at zero current" } else { "ended NOT at zero current" },
+        )
+    }
+}

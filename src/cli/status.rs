@@ -1,0 +1,151 @@
+//! `magsteer status`: what the daemon does.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use magsteer::daemon::target::angle_from_z_deg;
+use magsteer_hal::Stamp;
+use magsteer_hal::operator::{StatusMessage, cause, state};
+use serde::Serialize;
+
+use super::exit::{Exit, Failure};
+use super::operator::connect;
+use super::output;
+use super::rig_file::RigArgs;
+use super::target::await_status;
+
+/// Between two lines of `--watch`.
+const WATCH_PERIOD: Duration = Duration::from_millis(500);
+/// A status older than this is no longer the daemon's.
+const STATUS_AGE_MAX: Duration = Duration::from_secs(2);
+
+/// Show what the daemon of a rig does.
+///
+/// Ends with 0, or with 69 when no daemon publishes its status.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  magsteer status --json")]
+pub struct Status {
+    /// Configuration of the rig; config/bigmag-planar.toml when left out, or the copy of it in this program.
+    #[arg(value_name = "FILE")]
+    file: Option<PathBuf>,
+    #[command(flatten)]
+    rig: RigArgs,
+    /// Go on, twice a second, until the daemon ends.
+    #[arg(long)]
+    watch: bool,
+    /// Print one JSON object, or one a line with `--watch`.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The stable keys are `state`, `cause`, `cycle`, `rate_hz`, `targets_deg`, `measured_deg`, `currents_a`, `angles_deg`,
+/// `pose_age_us` and `missed`. Angles of tangents are those from global z; absent values are null.
+#[derive(Serialize)]
+struct Answer {
+    state: &'static str,
+    /// Why the daemon stopped last, or why it does not leave boot.
+    cause: Option<&'static str>,
+    cause_code: u32,
+    cycle: u64,
+    /// Configured rate.
+    rate_hz: f64,
+    /// Cycles a second over the last second; 0 during the first.
+    rate_measured_hz: f64,
+    /// As set by the operator.
+    targets_deg: Vec<Option<f64>>,
+    /// Reference that the loop follows on its way to the target.
+    desired_deg: Vec<Option<f64>>,
+    measured_deg: Vec<Option<f64>>,
+    predicted_deg: Vec<Option<f64>>,
+    /// Measured.
+    currents_a: Vec<f64>,
+    /// Sent last.
+    commanded_currents_a: Vec<f64>,
+    /// Measured.
+    angles_deg: Vec<f64>,
+    pose_age_us: Option<f64>,
+    lateness_us: f64,
+    /// Since the previous status.
+    lateness_max_us: f64,
+    missed: u64,
+    model_converged: bool,
+}
+
+impl Status {
+    pub fn run(&self) -> anyhow::Result<Exit> {
+        let mut client = connect(&self.rig, self.file.as_deref())?;
+        loop {
+            let status = await_status(&mut client)?;
+            let age = Stamp::now().since(Stamp::from_nanoseconds(status.header.publish_stamp_ns));
+            if age > STATUS_AGE_MAX {
+                let message = anyhow::anyhow!("the last status is {:.1} s old", age.as_secs_f64());
+                return Err(Failure::with(Exit::Unavailable, message));
+            }
+            let answer = Answer::new(&status);
+            if self.json {
+                output::json(&answer)?;
+            } else {
+                output::result(answer.text())?;
+            }
+            if !self.watch {
+                return Ok(Exit::Success);
+            }
+            std::thread::sleep(WATCH_PERIOD);
+        }
+    }
+}
+
+impl Answer {
+    fn new(status: &StatusMessage) -> Self {
+        // Counts come from another process: they must not reach beyond the arrays.
+        let used = |count: u32, capacity: usize| (count as usize).min(capacity);
+        let magnets = used(status.magnet_count, status.target_direction.len());
+        let coils = used(status.coil_count, status.measured.current_a.len());
+        let frames = used(status.pose_parameter_count, status.measured.angle_rad.len());
+        let angles = |directions: &[[f64; 3]]| directions[..magnets].iter().map(angle_from_z_deg).collect();
+        Self {
+            state: state::name(status.state),
+            cause: (status.cause != 0).then(|| cause::text(status.cause)),
+            cause_code: status.cause,
+            cycle: status.cycle,
+            rate_hz: status.rate_hz,
+            rate_measured_hz: status.rate_measured_hz,
+            targets_deg: angles(&status.target_direction),
+            desired_deg: angles(&status.desired_direction),
+            measured_deg: angles(&status.measured_direction),
+            predicted_deg: angles(&status.predicted_direction),
+            currents_a: status.measured.current_a[..coils].to_vec(),
+            commanded_currents_a: status.admitted.current_a[..coils].to_vec(),
+            angles_deg: status.measured.angle_rad[..frames].iter().map(|it| it.to_degrees()).collect(),
+            pose_age_us: (status.pose_age_us >= 0.0).then_some(status.pose_age_us),
+            lateness_us: status.lateness_us,
+            lateness_max_us: status.lateness_max_us,
+            missed: status.missed,
+            model_converged: status.model_converged == 1,
+        }
+    }
+
+    fn text(&self) -> String {
+        let cause = self.cause.map_or(String::new(), |cause| format!(" ({cause})"));
+        let numbers = |values: &mut dyn Iterator<Item = Option<f64>>| {
+            let shown = values.map(|value| value.map_or("-".to_owned(), |value| format!("{value:.2}")));
+            shown.collect::<Vec<_>>().join(" ")
+        };
+        let age = self.pose_age_us.map_or("none".to_owned(), |age| format!("{:.1} ms old", age * 1e-3));
+        format!(
+            "{}{cause}, cycle {}, {:.0} of {:.0} Hz, {} missed, late {:.0} us, poses {age}\n\
+            target   {} deg\nmeasured {} deg\ncurrents {} A\nframes   {} deg\n",
+            self.state,
+            self.cycle,
+            self.rate_measured_hz,
+            self.rate_hz,
+            self.missed,
+            self.lateness_us,
+            numbers(&mut self.targets_deg.iter().copied()),
+            numbers(&mut self.measured_deg.iter().copied()),
+            numbers(&mut self.currents_a.iter().copied().map(Some)),
+            numbers(&mut self.angles_deg.iter().copied().map(Some)),
+        )
+    }
+}

@@ -1,0 +1,221 @@
+//! Allocation: from a wanted velocity of the error's rows to increments of currents and frame angles.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | `J` | orientation Jacobian (16), rows per ampere and per radian |
+//! | `s` | range of each actuation parameter: greatest current, greatest turn of the frame |
+//! | `x` | increment over range |
+//! | `dPhi` | wanted orientation step |
+//!
+//! Method `bounded`: minimise `|J s x - dPhi|^2 + d |x - x_pref|^2` within the limits on value and rate. `x_pref` lies in the null space of
+//! `J s`: it lets currents decay, and leads away from snap-through where the margin of stability is too small. Method `truncated-svd`: eqs. (18) and (19) over the same scaled
+//! parameters, then the whole step shortened until the first limit is met. Scaling is a deviation from (18), which mixes amperes and radians.
+
+use magsteer_hal::{Actuation, HardwareDescription};
+use serde::{Deserialize, Serialize};
+
+use super::config::{ControlConfig, FrameUse};
+use crate::math::{BoundedLeastSquares, BoundedProblem, ThinSvd};
+
+/// How increments are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AllocationKind {
+    /// Least squares within the limits.
+    Bounded,
+    /// The paper's truncated pseudoinverse.
+    TruncatedSvd,
+}
+
+/// Limits of one actuation parameter.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    least: f64,
+    most: f64,
+    rate: f64,
+    /// Range by which the parameter is scaled.
+    range: f64,
+}
+
+/// What one cycle wants.
+#[derive(Debug, Clone, Copy)]
+pub struct Wish<'a> {
+    /// Orientation Jacobian by rows, rad/A and rad/rad.
+    pub jacobian: &'a [f64],
+    /// Orientation step of each row, rad.
+    pub step: &'a [f64],
+    /// Present currents and angles.
+    pub admitted: &'a Actuation,
+    /// Time since the previous cycle, s.
+    pub period: f64,
+    /// Margin of stability.
+    pub margin: f64,
+    /// Its change with each parameter, 1/A and 1/rad.
+    pub margin_gradient: &'a [f64],
+}
+
+/// What an allocation did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Allocated {
+    /// Ratio of the largest to the smallest singular value in use of the scaled Jacobian.
+    pub condition: f64,
+    /// Parameters at a limit.
+    pub saturated: u32,
+}
+
+/// Allocator for one rig.
+#[derive(Debug, Clone)]
+pub struct Allocation {
+    kind: AllocationKind,
+    damping: f64,
+    release: f64,
+    margin_wanted: f64,
+    margin_rate: f64,
+    ratio_max: f64,
+    coils: usize,
+    limits: Vec<Limits>,
+    solver: BoundedLeastSquares,
+    svd: ThinSvd,
+    scaled: Vec<f64>,
+    preferred: Vec<f64>,
+    away: Vec<f64>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    increment: Vec<f64>,
+}
+
+impl Allocation {
+    /// An allocator for `rows` rows of error on the rig of `description`.
+    #[must_use]
+    pub fn new(config: &ControlConfig, description: &HardwareDescription, rows: usize) -> Self {
+        let currents = description.coils.iter().map(|coil| Limits {
+            least: -coil.current_max,
+            most: coil.current_max,
+            rate: coil.slew_max,
+            range: coil.current_max,
+        });
+        let held = config.frame_angles == FrameUse::Hold;
+        let angles = description.frames.iter().map(|frame| Limits {
+            least: frame.angle_min,
+            most: frame.angle_max,
+            rate: if held { 0.0 } else { frame.speed_max },
+            range: frame.angle_max.abs().max(frame.angle_min.abs()),
+        });
+        let limits: Vec<Limits> = currents.chain(angles).collect();
+        let unknowns = limits.len();
+        Self {
+            kind: config.allocation,
+            damping: config.damping,
+            release: config.current_release_per_s,
+            margin_wanted: config.stability_margin,
+            margin_rate: config.stability_rate_per_s,
+            ratio_max: config.singular_ratio_max,
+            coils: description.coils.len(),
+            limits,
+            solver: BoundedLeastSquares::new(rows, unknowns),
+            svd: ThinSvd::new(rows, unknowns),
+            scaled: vec![0.0; rows * unknowns],
+            preferred: vec![0.0; unknowns],
+            away: vec![0.0; unknowns],
+            lower: vec![0.0; unknowns],
+            upper: vec![0.0; unknowns],
+            increment: vec![0.0; unknowns],
+        }
+    }
+
+    /// Chooses the increments for one cycle. They are then in [`Self::increment`].
+    pub fn allocate(&mut self, wish: &Wish<'_>) -> Allocated {
+        let unknowns = self.limits.len();
+        for (scaled, row) in self.scaled.chunks_exact_mut(unknowns).zip(wish.jacobian.chunks_exact(unknowns))
+        {
+            for ((entry, value), limits) in scaled.iter_mut().zip(row).zip(&self.limits) {
+                // A parameter that may not move is none: it must not take a share of the step.
+                *entry = if limits.rate > 0.0 { value * limits.range } else { 0.0 };
+            }
+        }
+        self.bound(wish);
+        self.svd.decompose(&self.scaled);
+        let saturated = match self.kind {
+            AllocationKind::Bounded => {
+                self.prefer(wish);
+                self.bounded(wish.step)
+            }
+            AllocationKind::TruncatedSvd => self.truncated(wish.step),
+        };
+        for (increment, limits) in self.increment.iter_mut().zip(&self.limits) {
+            *increment *= limits.range;
+        }
+        Allocated { condition: self.svd.condition(self.ratio_max), saturated }
+    }
+
+    /// Increments chosen last, A then rad.
+    #[must_use]
+    pub fn increment(&self) -> &[f64] {
+        &self.increment
+    }
+
+    /// The box of this cycle.
+    fn bound(&mut self, wish: &Wish<'_>) {
+        let present = wish.admitted.current_a[..self.coils].iter().chain(&wish.admitted.angle_rad);
+        for (index, (limits, present)) in self.limits.iter().zip(present).enumerate() {
+            let reach = limits.rate * wish.period;
+            let lower = (limits.least - present).max(-reach).min(0.0);
+            let upper = (limits.most - present).min(reach).max(0.0);
+            self.lower[index] = lower / limits.range;
+            self.upper[index] = upper / limits.range;
+        }
+    }
+
+    /// Where to go as far as the magnets do not turn: currents decay, and a lost margin is regained at its rate.
+    fn prefer(&mut self, wish: &Wish<'_>) {
+        for (index, (preferred, limits)) in self.preferred.iter_mut().zip(&self.limits).enumerate() {
+            let present = if index < self.coils { wish.admitted.current_a[index] } else { 0.0 };
+            *preferred = -present * self.release * wish.period / limits.range;
+        }
+        self.svd.project_to_null_space(self.ratio_max, &mut self.preferred);
+        let lost = self.margin_wanted - wish.margin;
+        if lost <= 0.0 {
+            return;
+        }
+        for ((away, gradient), limits) in self.away.iter_mut().zip(wish.margin_gradient).zip(&self.limits) {
+            *away = if limits.rate > 0.0 { gradient * limits.range } else { 0.0 };
+        }
+        self.svd.project_to_null_space(self.ratio_max, &mut self.away);
+        let slope: f64 = self.away.iter().map(|entry| entry * entry).sum();
+        // A flat margin would be chased without end: a slope below 1 over the whole range is taken as 1.
+        let length = lost.min(self.margin_wanted) * self.margin_rate * wish.period / slope.max(1.0);
+        for (preferred, away) in self.preferred.iter_mut().zip(&self.away) {
+            *preferred += away * length;
+        }
+    }
+
+    fn bounded(&mut self, step: &[f64]) -> u32 {
+        let report = self.solver.solve(&BoundedProblem {
+            matrix: &self.scaled,
+            right: step,
+            damping: self.damping,
+            preferred: &self.preferred,
+            lower: &self.lower,
+            upper: &self.upper,
+        });
+        self.increment.copy_from_slice(self.solver.solution());
+        report.at_bound
+    }
+
+    fn truncated(&mut self, step: &[f64]) -> u32 {
+        self.svd.pseudo_solve(step, self.ratio_max, &mut self.increment); // (18), (19)
+        let mut fraction = 1.0_f64;
+        let mut saturated = 0;
+        for ((x, lower), upper) in self.increment.iter().zip(&self.lower).zip(&self.upper) {
+            let bound = if *x < 0.0 { *lower } else { *upper };
+            if x.abs() > bound.abs() {
+                saturated += 1;
+                fraction = fraction.min(bound / x);
+            }
+        }
+        for x in &mut self.increment {
+            *x *= fraction;
+        }
+        saturated
+    }
+}

@@ -1,0 +1,71 @@
+//! `[control]` of the configuration file.
+
+use magsteer_hal::invalid::{Checks, Invalid};
+use serde::{Deserialize, Serialize};
+
+use super::allocation::AllocationKind;
+use super::error::OrientationErrorKind;
+
+/// `[control]`: the law from error to actuation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ControlConfig {
+    /// `"tangent-plane"`, or `"axis-angle"` for the paper's eq. (17).
+    pub orientation_error: OrientationErrorKind,
+    /// Proportional gain, 1/s, > 0.
+    pub proportional_per_s: f64,
+    /// Integral gain, 1/s^2, >= 0.
+    pub integral_per_s2: f64,
+    /// Time constant with which the reference follows a target, ms, >= 0.
+    pub reference_time_constant_ms: f64,
+    /// By how much the manipulator lags behind a changed actuation (amplifiers, first mode), ms, 0 to 400: measured
+    /// poses are compared with what was desired that long before they were true.
+    pub response_delay_ms: f64,
+    /// `"bounded"`, or `"truncated-svd"` for the paper's eqs. (18) and (19).
+    pub allocation: AllocationKind,
+    /// Singular values are used while the largest over them stays below this; (19).
+    pub singular_ratio_max: f64,
+    /// Damping of the bounded allocation, > 0: a direction in which full-scale actuation turns the magnets
+    /// by less than the square root of this, in radians, is given up gradually.
+    pub damping: f64,
+    /// Rate at which currents decay in directions that do not turn the magnets, 1/s, >= 0.
+    pub current_release_per_s: f64,
+    /// Margin of stability below which the actuation moves away from snap-through, where the targets leave room, 0 to 10;
+    /// 1 is the rod at rest, 0 the snap.
+    pub stability_margin: f64,
+    /// Rate at which a lost margin is regained, 1/s, >= 0.
+    pub stability_rate_per_s: f64,
+    /// `"steer"` to turn the frames, `"hold"` to leave them where they are.
+    pub frame_angles: FrameUse,
+    /// Most shooting passes in one cycle, 1 to 20.
+    pub passes_max: u32,
+}
+
+/// Whether the frame angles take part in steering.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrameUse {
+    /// Frames turn together with the currents.
+    Steer,
+    /// Frames stay.
+    Hold,
+}
+
+impl ControlConfig {
+    /// Every value out of its range, keyed from the root of the file; none when the section is usable.
+    #[must_use]
+    pub fn check(&self) -> Vec<Invalid> {
+        let mut checks = Checks::new();
+        checks.within("control.proportional_per_s", self.proportional_per_s, 1e-3, 1e3);
+        checks.within("control.integral_per_s2", self.integral_per_s2, 0.0, 1e4);
+        checks.within("control.reference_time_constant_ms", self.reference_time_constant_ms, 0.0, 1e4);
+        checks.within("control.response_delay_ms", self.response_delay_ms, 0.0, 400.0);
+        checks.within("control.singular_ratio_max", self.singular_ratio_max, 1.0, 1e12);
+        checks.within("control.damping", self.damping, 1e-12, 1.0);
+        checks.within("control.current_release_per_s", self.current_release_per_s, 0.0, 100.0);
+        checks.within("control.stability_margin", self.stability_margin, 0.0, 10.0);
+        checks.within("control.stability_rate_per_s", self.stability_rate_per_s, 0.0, 1e3);
+        checks.within("control.passes_max", f64::from(self.passes_max), 1.0, 20.0);
+        checks.into_result(()).err().unwrap_or_default()
+    }
+}

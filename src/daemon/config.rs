@@ -1,0 +1,245 @@
+//! `[daemon]` of the configuration file: rate, time limits, real-time policy.
+//!
+//! Every limit is a time, so that a change of the rate changes no limit. How each follows from the
+//! physics or from the machine stands at its field.
+
+use std::time::Duration;
+
+use magsteer_hal::invalid::{Checks, Invalid};
+use serde::{Deserialize, Serialize};
+
+/// What to do where the kernel does not grant real time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RealtimePolicy {
+    /// Run with what is granted and report what is missing.
+    BestEffort,
+    /// Refuse to arm.
+    Enforce,
+}
+
+/// `[daemon]`. Every key is required but `cpu`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DaemonConfig {
+    /// Cycles a second, 50 to 10000.
+    pub rate_hz: f64,
+    /// A command is void this long after it was sent, ms; the driver then ramps to zero alone. 2 periods to 1000.
+    /// Longer than the longest pause of the machine, shorter than the rod's drift to harm.
+    pub command_validity_ms: f64,
+    /// Poses older than this make the loop hold its currents, ms. Depends on the sensor: above its
+    /// latency plus two of its periods. A direct tracker (200 Hz, 5 ms) needs 15 and more, a camera
+    /// (30 Hz, 60 ms) 130 and more; on top comes the pause of the machine to ride through.
+    pub pose_hold_ms: f64,
+    /// Poses older than this end in a ramp to zero, ms. Above `pose_hold_ms`: how long the rod may be
+    /// held open-loop. 250 for a direct tracker, 500 for a camera.
+    pub pose_stop_ms: f64,
+    /// Feedback older than this is a trip, ms, 2 periods to 5000.
+    pub feedback_stop_ms: f64,
+    /// Without a converged model for this long the loop stops, ms, 1 to 5000.
+    pub model_stop_ms: f64,
+    /// A ramp to zero that takes longer cuts the amplifiers, ms, 10 to 10000. Above the greatest current
+    /// over its slew limit plus five time constants of the coils.
+    pub ramp_timeout_ms: f64,
+    /// A ramp to zero is over when every measured current is below this, A, > 0. Above the noise of the
+    /// current sensors.
+    pub ramp_done_a: f64,
+    /// A measured current this far beyond its coil's limit cuts the amplifiers, A, > 0. Above
+    /// overshoot and noise.
+    pub overcurrent_margin_a: f64,
+    /// The driver must confirm a claim of authority within this time, ms, 1 to 150: the operator waits 200 ms
+    /// for an answer.
+    pub arm_timeout_ms: f64,
+    /// Missed periods trip the loop when they exceed this share over `overrun_window_ms`, above 0, below 1.
+    pub overrun_fraction: f64,
+    /// Time over which overruns are judged, ms, 10 periods to 10000. A single stall trips when it lasts this long.
+    pub overrun_window_ms: f64,
+    /// `"best-effort"` or `"enforce"`.
+    pub realtime: RealtimePolicy,
+    /// Priority under `SCHED_FIFO`, 1 to 99.
+    pub priority: u32,
+    /// The loop's CPU; absent to leave it to the scheduler.
+    pub cpu: Option<u32>,
+    /// True to lock the process's memory.
+    pub lock_memory: bool,
+    /// Status messages a second, 1 to 1000.
+    pub status_rate_hz: f64,
+}
+
+/// The limits that the supervisor judges by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Poses older than this: hold.
+    pub pose_hold: Duration,
+    /// Poses older than this: stop.
+    pub pose_stop: Duration,
+    /// Feedback older than this: stop.
+    pub feedback_stop: Duration,
+    /// Model unusable for longer: stop.
+    pub model_stop: Duration,
+    /// Ramp longer than this: disable.
+    pub ramp_timeout: Duration,
+    /// Currents below this count as zero, A.
+    pub ramp_done: f64,
+    /// Claim unconfirmed for longer: refuse to arm.
+    pub arm_timeout: Duration,
+    /// Validity of a command; writes failing for longer: stop.
+    pub command_validity: Duration,
+    /// Share of missed periods at which the overrun bucket fills.
+    pub overrun_fraction: f64,
+    /// Missed periods that the overrun bucket holds.
+    pub overrun_capacity: f64,
+}
+
+impl DaemonConfig {
+    /// Every value that is out of its range or contradicts another, with keys below `daemon`.
+    #[must_use]
+    pub fn check(&self) -> Vec<Invalid> {
+        let mut checks = Checks::new();
+        checks.within("daemon.rate_hz", self.rate_hz, 50.0, 10_000.0);
+        let period_ms = if self.rate_hz > 0.0 { 1_000.0 / self.rate_hz } else { 1.0 };
+        let times = [
+            ("command_validity_ms", self.command_validity_ms, 2.0 * period_ms, 1_000.0),
+            ("pose_hold_ms", self.pose_hold_ms, 1.0, 5_000.0),
+            ("pose_stop_ms", self.pose_stop_ms, 1.0, 10_000.0),
+            ("feedback_stop_ms", self.feedback_stop_ms, 2.0 * period_ms, 5_000.0),
+            ("model_stop_ms", self.model_stop_ms, 1.0, 5_000.0),
+            ("ramp_timeout_ms", self.ramp_timeout_ms, 10.0, 10_000.0),
+            ("arm_timeout_ms", self.arm_timeout_ms, 1.0, 150.0),
+            ("overrun_window_ms", self.overrun_window_ms, 10.0 * period_ms, 10_000.0),
+        ];
+        for (key, value, least, most) in times {
+            checks.within(format!("daemon.{key}"), value, least, most);
+        }
+        checks.require(
+            self.pose_stop_ms > self.pose_hold_ms || self.pose_hold_ms.is_nan(),
+            "daemon.pose_stop_ms",
+            self.pose_stop_ms,
+            format!("above pose_hold_ms = {}", self.pose_hold_ms),
+        );
+        checks.positive("daemon.ramp_done_a", self.ramp_done_a);
+        checks.positive("daemon.overcurrent_margin_a", self.overcurrent_margin_a);
+        let share = self.overrun_fraction;
+        checks.require(share > 0.0 && share < 1.0, "daemon.overrun_fraction", share, "above 0 and below 1");
+        checks.require((1..=99).contains(&self.priority), "daemon.priority", self.priority, "from 1 to 99");
+        let cpu_fits = self.cpu.is_none_or(|cpu| cpu < 1_024);
+        checks.require(cpu_fits, "daemon.cpu", self.cpu.unwrap_or(0), "from 0 to 1023");
+        checks.within("daemon.status_rate_hz", self.status_rate_hz, 1.0, 1_000.0);
+        checks.into_result(()).err().unwrap_or_default()
+    }
+
+    /// Time from one deadline to the next, whole nanoseconds.
+    #[must_use]
+    pub fn period(&self) -> Duration {
+        Duration::from_nanos((1e9 / self.rate_hz).round() as u64)
+    }
+
+    /// Time between two status messages.
+    #[must_use]
+    pub fn status_period(&self) -> Duration {
+        Duration::from_nanos((1e9 / self.status_rate_hz).round() as u64)
+    }
+
+    /// The limits in the supervisor's units.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        let window_periods = self.overrun_window_ms * 1e-3 * self.rate_hz;
+        Limits {
+            pose_hold: milliseconds(self.pose_hold_ms),
+            pose_stop: milliseconds(self.pose_stop_ms),
+            feedback_stop: milliseconds(self.feedback_stop_ms),
+            model_stop: milliseconds(self.model_stop_ms),
+            ramp_timeout: milliseconds(self.ramp_timeout_ms),
+            ramp_done: self.ramp_done_a,
+            arm_timeout: milliseconds(self.arm_timeout_ms),
+            command_validity: milliseconds(self.command_validity_ms),
+            overrun_fraction: self.overrun_fraction,
+            // A loop that misses every period gains 1 - fraction a period: full after one window.
+            overrun_capacity: (1.0 - self.overrun_fraction) * window_periods,
+        }
+    }
+}
+
+fn milliseconds(value: f64) -> Duration {
+    Duration::try_from_secs_f64(value * 1e-3).unwrap_or(Duration::ZERO)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::{DaemonConfig, RealtimePolicy};
+
+    /// The values of the shipped files.
+    pub const SHIPPED: &str = r#"
+rate_hz = 1000.0
+command_validity_ms = 100.0
+pose_hold_ms = 50.0
+pose_stop_ms = 250.0
+feedback_stop_ms = 200.0
+model_stop_ms = 250.0
+ramp_timeout_ms = 1000.0
+ramp_done_a = 0.1
+overcurrent_margin_a = 0.5
+arm_timeout_ms = 150.0
+overrun_fraction = 0.5
+overrun_window_ms = 400.0
+realtime = "best-effort"
+priority = 80
+lock_memory = true
+status_rate_hz = 100.0
+"#;
+
+    pub fn shipped() -> DaemonConfig {
+        toml::from_str(SHIPPED).expect("the shipped values parse")
+    }
+
+    #[test]
+    fn shipped_values_are_accepted() {
+        assert_eq!(shipped().check(), vec![]);
+        assert_eq!(shipped().realtime, RealtimePolicy::BestEffort);
+        assert_eq!(shipped().period(), std::time::Duration::from_millis(1));
+    }
+
+    #[test]
+    fn every_key_but_cpu_is_required_and_unknown_keys_are_refused() {
+        for line in SHIPPED.lines().filter(|line| !line.is_empty()) {
+            let without = SHIPPED.replace(line, "");
+            assert!(toml::from_str::<DaemonConfig>(&without).is_err(), "accepted without {line}");
+        }
+        assert!(toml::from_str::<DaemonConfig>(&format!("{SHIPPED}\nrate = 1")).is_err());
+        assert!(toml::from_str::<DaemonConfig>(&format!("{SHIPPED}\ncpu = 1")).is_ok());
+    }
+
+    #[test]
+    fn each_bad_value_is_named_by_its_key() {
+        type Edit = fn(&mut DaemonConfig);
+        let cases: [(&str, Edit); 20] = [
+            ("rate_hz", |config| config.rate_hz = 49.0),
+            ("rate_hz", |config| config.rate_hz = 10_001.0),
+            ("rate_hz", |config| config.rate_hz = f64::NAN),
+            ("command_validity_ms", |config| config.command_validity_ms = 1.0),
+            ("pose_hold_ms", |config| config.pose_hold_ms = -1.0),
+            ("pose_stop_ms", |config| config.pose_stop_ms = 50.0),
+            ("pose_stop_ms", |config| config.pose_stop_ms = f64::INFINITY),
+            ("feedback_stop_ms", |config| config.feedback_stop_ms = 0.0),
+            ("model_stop_ms", |config| config.model_stop_ms = 0.0),
+            ("ramp_timeout_ms", |config| config.ramp_timeout_ms = 1.0),
+            ("ramp_done_a", |config| config.ramp_done_a = 0.0),
+            ("overcurrent_margin_a", |config| config.overcurrent_margin_a = -0.5),
+            ("arm_timeout_ms", |config| config.arm_timeout_ms = 200.0),
+            ("overrun_fraction", |config| config.overrun_fraction = 1.0),
+            ("overrun_fraction", |config| config.overrun_fraction = f64::NAN),
+            ("overrun_window_ms", |config| config.overrun_window_ms = 5.0),
+            ("priority", |config| config.priority = 0),
+            ("priority", |config| config.priority = 100),
+            ("cpu", |config| config.cpu = Some(4_096)),
+            ("status_rate_hz", |config| config.status_rate_hz = 0.0),
+        ];
+        for (key, edit) in cases {
+            let mut config = shipped();
+            edit(&mut config);
+            let found = config.check();
+            let keys: Vec<&str> = found.iter().map(|invalid| invalid.key.as_str()).collect();
+            assert!(keys.contains(&format!("daemon.{key}").as_str()), "{key}: {found:?}");
+        }
+    }
+}

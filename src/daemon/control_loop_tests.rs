@@ -1,0 +1,390 @@
+//! Tests of the loop in lockstep: a scripted controller, an ideal rig whose driver is the real command
+//! guard, stepped time.
+
+use std::time::Duration;
+
+use magsteer_hal::message::{driver_state, order};
+use magsteer_hal::operator::{Cause, state};
+use magsteer_hal::scripted::{EchoHardware, example_description};
+use magsteer_hal::send::HeaderWriter;
+use magsteer_hal::{Actuation, CoilFeedback, Stamp};
+use rand::{RngExt, SeedableRng};
+
+use super::clock::Tick;
+use super::config::tests::shipped;
+use super::control_loop::{ControlLoop, CycleRecord, LoopOptions};
+use super::state::{Request, Verb};
+use crate::control::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
+
+const PERIOD: Duration = Duration::from_millis(1);
+const UP: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// A controller that asks for what the test says.
+#[derive(Debug, Clone)]
+struct Scripted {
+    request: Actuation,
+    converged: bool,
+    desired: Directions,
+    seen: Option<CycleInput>,
+}
+
+impl Step for Scripted {
+    fn step(&mut self, input: &CycleInput) -> CycleOutcome {
+        self.seen = Some(*input);
+        CycleOutcome {
+            request: if input.engaged { self.request } else { input.admitted },
+            desired: self.desired,
+            measured: [UP; 8],
+            predicted: [UP; 8],
+            model: ModelReport {
+                converged: self.converged,
+                residual: 0.0,
+                passes: 1,
+                jacobian_age: 0,
+                margin: 1.0,
+                field_valid: true,
+            },
+            condition: 1.0,
+            saturated: 0,
+        }
+    }
+}
+
+/// A loop under stepped time.
+struct Bench {
+    control_loop: ControlLoop<EchoHardware, Scripted>,
+    tick: Tick,
+    next_id: u32,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let description = &example_description();
+        let mut request = Actuation::default();
+        request.current_a[..3].copy_from_slice(&[3.0, -5.0, 1.0]);
+        let controller = Scripted { request, converged: true, desired: [UP; 8], seen: None };
+        let hardware = EchoHardware::new(description);
+        let options = LoopOptions { realtime_missing: false, token_seed: 3 };
+        let control_loop = ControlLoop::new(hardware, controller, description, &shipped(), options);
+        let tick = Tick::first(Stamp::from_nanoseconds(5_000_000_000));
+        let mut bench = Self { control_loop, tick, next_id: 1 };
+        bench.cycles(3);
+        bench
+    }
+
+    fn cycle(&mut self) -> CycleRecord {
+        self.tick = self.tick.stepped(PERIOD);
+        self.control_loop.cycle(self.tick)
+    }
+
+    fn cycles(&mut self, count: usize) -> Vec<CycleRecord> {
+        (0..count).map(|_| self.cycle()).collect()
+    }
+
+    /// The loop runs again after a pause in which nothing of it ran.
+    fn after_stall(&mut self, pause: Duration) -> CycleRecord {
+        let missed = (pause.as_millis() / PERIOD.as_millis()) as u64 - 1;
+        let now = self.tick.now.after(pause);
+        let number = self.tick.number + missed + 1;
+        self.tick = Tick { number, deadline: now, now, lateness: pause - PERIOD, missed };
+        self.control_loop.cycle(self.tick)
+    }
+
+    fn ask(&mut self, verb: Verb) -> Result<Vec<CycleRecord>, Cause> {
+        let id = self.next_id;
+        self.next_id += 1;
+        self.control_loop.request(Request { id, verb }).expect("one request a cycle");
+        let mut records = Vec::new();
+        for _ in 0..200 {
+            let record = self.cycle();
+            records.push(record);
+            if let Some(answer) = record.decision.answers.into_iter().flatten().find(|it| it.id == id) {
+                return answer.refused.map_or(Ok(records), Err);
+            }
+        }
+        panic!("{verb:?} was never answered");
+    }
+
+    fn active() -> Self {
+        let mut bench = Self::new();
+        bench.ask(Verb::Arm).expect("the bench is healthy");
+        bench.ask(Verb::Go).expect("the bench is healthy");
+        bench
+    }
+
+    fn hardware(&mut self) -> &mut EchoHardware {
+        self.control_loop.hardware_mut()
+    }
+
+    fn controller(&mut self) -> &mut Scripted {
+        self.control_loop.controller_mut()
+    }
+}
+
+fn largest(actuation: &Actuation) -> f64 {
+    actuation.current_a.iter().fold(0.0, |largest: f64, current| largest.max(current.abs()))
+}
+
+fn orders(records: &[CycleRecord]) -> Vec<u32> {
+    let mut orders: Vec<u32> = records.iter().filter_map(|record| record.order).collect();
+    orders.dedup();
+    orders
+}
+
+#[test]
+fn a_whole_run_sends_claim_drive_ramp_release_and_breaks_no_limit() {
+    let mut bench = Bench::new();
+    let mut records = bench.ask(Verb::Arm).expect("the bench is healthy");
+    records.extend(bench.ask(Verb::Go).expect("the bench is healthy"));
+    records.extend(bench.cycles(200));
+    assert!((records.last().expect("cycles ran").admitted.current_a[1] + 5.0).abs() < 1e-12);
+    records.extend(bench.ask(Verb::Stop).expect("the bench is healthy"));
+    records.extend(bench.cycles(200));
+    let sent = orders(&records);
+    assert_eq!(sent, [order::CLAIM, order::DRIVE, order::RAMP_DOWN, order::RELEASE]);
+    let guard = bench.hardware().guard();
+    assert_eq!((guard.limit_breaks(), guard.refusals().total()), (0, 0));
+    assert_eq!(guard.state(), driver_state::IDLE);
+    let last = records.last().expect("cycles ran");
+    assert_eq!((last.decision.state, last.order), (state::IDLE, None));
+}
+
+#[test]
+fn nothing_is_sent_before_arming() {
+    let mut bench = Bench::new();
+    assert!(bench.cycles(50).iter().all(|record| record.order.is_none()));
+}
+
+#[test]
+fn the_first_command_equals_what_was_measured_then_it_slews() {
+    let mut bench = Bench::new();
+    bench.ask(Verb::Arm).expect("the bench is healthy");
+    let records = bench.ask(Verb::Go).expect("the bench is healthy");
+    let first = records.last().expect("answered in a cycle");
+    assert_eq!(first.admitted.current_a, first.input.measured.current_a);
+    let mut previous = first.admitted;
+    for record in bench.cycles(30) {
+        let step = (record.admitted.current_a[1] - previous.current_a[1]).abs();
+        assert!(step <= 200.0 * 1e-3 + 1e-12, "coil 1 slews at 200 A/s: {step}");
+        previous = record.admitted;
+    }
+}
+
+#[test]
+fn without_a_target_the_rod_is_kept_where_it_was_found() {
+    let mut bench = Bench::active();
+    bench.cycle();
+    assert_eq!(bench.controller().seen.expect("a cycle ran").target, [UP; 8]);
+}
+
+#[test]
+fn a_target_reaches_the_controller_in_the_next_cycle() {
+    let mut bench = Bench::active();
+    let mut target = Directions::default();
+    (target[0], target[1]) = ([1.0, 0.0, 0.0], [0.6, 0.0, 0.8]);
+    bench.ask(Verb::SetTarget(target)).expect("unit vectors");
+    let record = bench.cycle();
+    assert_eq!(record.input.target, target);
+    assert_eq!(record.target, target);
+}
+
+#[test]
+fn a_hold_freezes_the_reference_of_its_moment_until_go() {
+    let mut bench = Bench::active();
+    let moving = [[0.6, 0.0, 0.8]; 8];
+    bench.controller().desired = moving;
+    bench.cycle();
+    bench.ask(Verb::Hold).expect("steering");
+    bench.controller().desired = [UP; 8];
+    let record = *bench.cycles(20).last().expect("cycles ran");
+    assert_eq!((record.decision.state, record.input.target), (state::HOLDING, moving));
+    assert!(record.input.engaged, "held in closed loop");
+    bench.ask(Verb::Go).expect("holding");
+    assert_eq!(bench.cycle().input.target, [UP; 8], "back to the target as set");
+}
+
+#[test]
+fn currents_hold_while_sensing_is_lost_briefly() {
+    let mut bench = Bench::active();
+    bench.cycles(100);
+    // Poses and feedback stop together: the loop holds until the feedback's limit trips it.
+    bench.hardware().set_silent(true);
+    let records = bench.cycles(150);
+    let held: Vec<_> = records.iter().filter(|it| it.decision.state == state::HOLDING).collect();
+    assert!(held.len() > 90);
+    assert!(held.iter().all(|it| it.admitted == held[0].admitted));
+    assert!(held.iter().skip(1).all(|it| !it.input.engaged));
+    bench.hardware().set_silent(false);
+    assert_eq!(bench.cycles(3)[2].decision.state, state::ACTIVE);
+}
+
+#[test]
+fn a_request_that_is_not_finite_is_never_sent_and_trips() {
+    let mut bench = Bench::active();
+    bench.cycles(100);
+    bench.controller().request.current_a[0] = f64::NAN;
+    let records = bench.cycles(100);
+    assert!(records.iter().all(|record| record.admitted.current_a.iter().all(|it| it.is_finite())));
+    assert_eq!(records[0].order, Some(order::RAMP_DOWN));
+    let last = records.last().expect("cycles ran").decision;
+    assert_eq!((last.state, last.cause), (state::FAULT, Some(Cause::RequestNotFinite)));
+}
+
+#[test]
+fn a_model_that_does_not_converge_is_ridden_through_for_its_limit_only() {
+    let mut bench = Bench::active();
+    bench.controller().converged = false;
+    assert_eq!(bench.cycles(250)[249].decision.state, state::ACTIVE);
+    let last = bench.cycles(100)[99].decision;
+    assert_eq!((last.state, last.cause), (state::FAULT, Some(Cause::ModelNotConverged)));
+}
+
+#[test]
+fn pauses_shorter_than_the_validity_are_ridden_through() {
+    let mut bench = Bench::active();
+    bench.cycles(100);
+    for _ in 0..20 {
+        let before = bench.cycle().admitted;
+        let record = bench.after_stall(Duration::from_millis(60));
+        assert!(matches!(record.decision.state, state::ACTIVE | state::HOLDING));
+        let step = (record.admitted.current_a[0] - before.current_a[0]).abs();
+        assert!(step <= 200.0 * 10e-3 + 1e-12, "what was missed is not made up in one step: {step}");
+        bench.cycles(200);
+    }
+    assert_eq!(bench.cycle().decision.state, state::ACTIVE);
+    assert_eq!(bench.hardware().guard().limit_breaks(), 0);
+}
+
+#[test]
+fn a_pause_beyond_the_validity_loses_authority_and_trips() {
+    let mut bench = Bench::active();
+    bench.cycles(100);
+    bench.after_stall(Duration::from_millis(150));
+    let records = bench.cycles(200);
+    let last = records.last().expect("cycles ran").decision;
+    assert_eq!((last.state, last.cause), (state::FAULT, Some(Cause::AuthorityLost)));
+    assert_eq!(bench.hardware().guard().state(), driver_state::IDLE);
+    bench.ask(Verb::Reset).expect("the cause is over");
+    bench.ask(Verb::Arm).expect("the driver is idle again");
+}
+
+#[test]
+fn a_drivers_fault_cuts_the_amplifiers_until_it_is_gone_and_reset() {
+    let mut bench = Bench::active();
+    bench.cycles(50);
+    bench.hardware().set_fault(42);
+    let record = bench.cycles(2)[1];
+    assert_eq!(record.order, Some(order::DISABLE));
+    assert_eq!(bench.ask(Verb::Reset).err(), Some(Cause::DriverFault));
+    bench.hardware().set_fault(0);
+    bench.cycles(5);
+    bench.ask(Verb::Reset).expect("the fault is gone");
+    bench.ask(Verb::Arm).expect("a claim puts cut amplifiers back to work");
+}
+
+#[test]
+fn an_emergency_stop_from_idle_is_obeyed_by_the_driver() {
+    let mut bench = Bench::new();
+    bench.ask(Verb::EmergencyStop).expect("always allowed");
+    bench.cycles(2);
+    assert_eq!(bench.hardware().guard().state(), driver_state::DISABLED);
+}
+
+#[test]
+fn a_driver_of_another_rig_keeps_the_loop_in_boot() {
+    let description = example_description();
+    let controller = Bench::new().control_loop.controller_mut().clone();
+    let mut hardware = EchoHardware::new(&description);
+    hardware.set_silent(true);
+    let options = LoopOptions::default();
+    let mut control_loop = ControlLoop::new(hardware, controller, &description, &shipped(), options);
+    let mut header = HeaderWriter::new(9);
+    let mut tick = Tick::first(Stamp::from_nanoseconds(5_000_000_000));
+    for cycle in 0..50 {
+        tick = tick.stepped(PERIOD);
+        let mut feedback = CoilFeedback { coil_count: 3, pose_parameter_count: 2, ..CoilFeedback::default() };
+        feedback.description_fingerprint = description.fingerprint() ^ 1;
+        feedback.header.source_stamp_ns = tick.now.nanoseconds();
+        header.write(&mut feedback.header, tick.now);
+        // Feedback comes only in every other cycle; the mismatch must not be forgotten in between.
+        if cycle % 2 == 0 {
+            control_loop.hardware_mut().inject_feedback(feedback);
+        }
+        let decision = control_loop.cycle(tick).decision;
+        assert_eq!((decision.state, decision.cause), (state::BOOT, Some(Cause::DescriptionMismatch)));
+    }
+}
+
+#[test]
+fn a_process_told_to_end_ends_at_zero_current() {
+    let mut bench = Bench::active();
+    bench.cycles(100);
+    bench.ask(Verb::Terminate).expect("always allowed while healthy");
+    let mut cycles = 0;
+    while !bench.control_loop.has_ended(bench.tick.now) {
+        bench.cycle();
+        cycles += 1;
+        assert!(cycles < 1_000, "ends within the ramp's time");
+    }
+    let record = bench.cycle();
+    assert_eq!(largest(&record.feedback.expect("alive").measured), 0.0);
+    assert_eq!(record.decision.cause, Some(Cause::Terminated));
+}
+
+/// Goal: once a stop or trip began, no later command of the episode is larger than the one before, whatever
+/// happens then; and the driver never saw a broken limit or a command that it had to refuse for its content.
+#[test]
+fn after_a_trip_commanded_currents_only_fall() {
+    let mut trips = 0;
+    for seed in 0..20 {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut bench = Bench::new();
+        let mut falling_from: Option<f64> = None;
+        for cycle in 0..3_000 {
+            disturb(&mut random, &mut bench);
+            let record = if random.random_bool(0.002) {
+                bench.after_stall(Duration::from_millis(random.random_range(2..140)))
+            } else {
+                bench.cycle()
+            };
+            let drives = record.order == Some(order::DRIVE);
+            let steers = matches!(record.decision.state, state::ACTIVE | state::HOLDING);
+            assert!(!drives || steers || record.decision.state == state::ARMED, "{record:?}");
+            if matches!(record.decision.state, state::SAFE_STOP | state::FAULT) {
+                trips += u32::from(falling_from.is_none());
+                let commanded = largest(&record.admitted);
+                assert!(falling_from.is_none_or(|before| commanded <= before), "seed {seed}, {cycle}");
+                falling_from = Some(commanded);
+            } else {
+                falling_from = None;
+            }
+        }
+        assert_eq!(bench.hardware().guard().limit_breaks(), 0, "seed {seed}");
+    }
+    assert!(trips > 50, "the seeds must exercise stops: {trips}");
+}
+
+fn disturb(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) {
+    if random.random_bool(0.05) {
+        bench.controller().request.current_a[random.random_range(0..3)] = random.random_range(-20.0..20.0);
+    }
+    if random.random_bool(0.003) {
+        match random.random_range(0..4) {
+            0 => bench.hardware().set_silent(true),
+            1 => bench.hardware().set_fault(1),
+            2 => bench.controller().converged = false,
+            _ => bench.controller().request.current_a[0] = f64::INFINITY,
+        }
+    }
+    if random.random_bool(0.01) {
+        bench.hardware().set_silent(false);
+        bench.hardware().set_fault(0);
+        bench.controller().converged = true;
+        bench.controller().request.current_a[0] = 1.0;
+    }
+    if random.random_bool(0.05) {
+        let verbs = [Verb::Arm, Verb::Go, Verb::Go, Verb::Hold, Verb::Reset, Verb::Stop];
+        let verb = verbs[random.random_range(0..verbs.len())];
+        bench.control_loop.request(Request { id: 0, verb }).expect("one request a cycle");
+    }
+}

@@ -1,0 +1,180 @@
+//! The loop's thread: waits for each deadline, runs the cycle, measures it, hands it on.
+//!
+//! The only traffic with other threads is through wait-free rings and one atomic number. A ring that is
+//! full makes the loop count what it could not hand on, never wait.
+
+use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
+use std::time::Duration;
+
+use magsteer_hal::operator::{Cause, state};
+use magsteer_hal::{Hardware, Stamp};
+use rtrb::{Consumer, Producer};
+
+use super::clock::{Clock, Tick};
+use super::control_loop::{ControlLoop, CycleRecord};
+use super::state::{Answer, Request, Verb};
+use super::statistics::{CycleTiming, Statistics, TimingSummary};
+use crate::control::Step;
+
+/// Asks a running daemon to ramp down and end; may be set from any thread.
+#[derive(Debug, Default)]
+pub struct StopFlag(AtomicI32);
+
+impl StopFlag {
+    /// Not asked yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(AtomicI32::new(0))
+    }
+
+    /// Asks to end because of `signal`, a positive number; the first one stays.
+    pub fn request(&self, signal: i32) {
+        // When another signal came first there is nothing to do.
+        let _ = self.0.compare_exchange(0, signal.max(1), Ordering::AcqRel, Ordering::Acquire);
+    }
+
+    /// The signal that asked first; `None` when nobody did.
+    #[must_use]
+    pub fn requested(&self) -> Option<i32> {
+        match self.0.load(Ordering::Acquire) {
+            0 => None,
+            signal => Some(signal),
+        }
+    }
+}
+
+/// The loop's ends of the rings.
+#[derive(Debug)]
+pub struct LoopRings {
+    /// Requests to the loop.
+    pub requests: Consumer<Request>,
+    /// Their answers.
+    pub answers: Producer<Answer>,
+    /// One record a cycle.
+    pub records: Producer<CycleRecord>,
+}
+
+/// Counts that other threads may read while the loop runs.
+#[derive(Debug, Default)]
+pub struct LoopCounters {
+    /// Records that found their ring full.
+    pub records_dropped: AtomicU64,
+    /// Answers that found their ring full.
+    pub answers_dropped: AtomicU64,
+}
+
+/// A ramp to zero, from the cycle that began it to the one that saw zero measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RampDown {
+    /// How long it took.
+    pub duration: Duration,
+    /// Largest current measured at its begin, A.
+    pub current_begin: f64,
+    /// Largest current measured at its end, A.
+    pub current_end: f64,
+}
+
+/// What a loop came to when it ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoopEnd {
+    /// Timing of all cycles.
+    pub timing: TimingSummary,
+    /// Last ramp to zero, if there was one.
+    pub ramp_down: Option<RampDown>,
+    /// State code at the end.
+    pub state: u32,
+    /// Cause of the last stop or fault.
+    pub cause: Option<Cause>,
+    /// Commands that the driver refused since its start, as it says.
+    pub commands_refused: u64,
+    /// Commands that broke a limit since the driver's start, as it says.
+    pub limit_breaks: u64,
+}
+
+/// Measures ramps to zero from one cycle to the next.
+#[derive(Debug, Default)]
+struct RampWatch {
+    begin: Option<(Stamp, f64)>,
+    last: Option<RampDown>,
+}
+
+impl RampWatch {
+    fn take(&mut self, record: &CycleRecord) {
+        let Some(transition) = record.decision.transition else {
+            return;
+        };
+        let current = largest_current(record);
+        if transition.to == state::SAFE_STOP {
+            self.begin = Some((record.tick.now, current));
+        } else if let Some((begin, current_begin)) = self.begin.take() {
+            let duration = record.tick.now.since(begin);
+            self.last = Some(RampDown { duration, current_begin, current_end: current });
+        }
+    }
+}
+
+fn largest_current(record: &CycleRecord) -> f64 {
+    record.input.measured.current_a.iter().fold(0.0, |largest: f64, current| largest.max(current.abs()))
+}
+
+/// Runs cycles until `stop` was asked for and the outputs are at rest.
+pub fn run_loop<H: Hardware, S: Step>(
+    mut control_loop: ControlLoop<H, S>,
+    period: Duration,
+    mut rings: LoopRings,
+    counters: &LoopCounters,
+    stop: &StopFlag,
+) -> LoopEnd {
+    let mut statistics = Statistics::new(1.0 / period.as_secs_f64());
+    let mut ramps = RampWatch::default();
+    let mut asked_to_end = false;
+    let mut clock = Clock::start(period);
+    loop {
+        let tick = clock.wait();
+        if !asked_to_end && stop.requested().is_some() {
+            asked_to_end = control_loop.request(Request { id: 0, verb: Verb::Terminate }).is_ok();
+        } else if let Ok(request) = rings.requests.pop() {
+            // The loop takes one request a cycle, and this is the only one who leaves any.
+            let _ = control_loop.request(request);
+        }
+        let mut record = control_loop.cycle(tick);
+        let end = Stamp::now();
+        record.execution = end.since(tick.now);
+        statistics.record(&timing(&tick, &record, end));
+        ramps.take(&record);
+        hand_on(&mut rings, &record, counters);
+        if control_loop.has_ended(tick.now) {
+            let feedback = record.feedback.unwrap_or_default();
+            return LoopEnd {
+                timing: statistics.summary(),
+                ramp_down: ramps.last,
+                state: record.decision.state,
+                cause: record.decision.cause,
+                commands_refused: feedback.commands_refused,
+                limit_breaks: feedback.limit_breaks,
+            };
+        }
+    }
+}
+
+fn timing(tick: &Tick, record: &CycleRecord, end: Stamp) -> CycleTiming {
+    let exposed = record.pose_stamp().filter(|_| record.answers_fresh_poses());
+    CycleTiming {
+        lateness: tick.lateness,
+        execution: record.execution,
+        missed: tick.missed,
+        pose_age: record.pose_age(),
+        pose_to_command: exposed.map(|stamp| end.since(stamp)),
+    }
+}
+
+fn hand_on(rings: &mut LoopRings, record: &CycleRecord, counters: &LoopCounters) {
+    for answer in record.decision.answers.into_iter().flatten() {
+        if rings.answers.push(answer).is_err() {
+            counters.answers_dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+    if rings.records.push(*record).is_err() {
+        counters.records_dropped.fetch_add(1, Ordering::Relaxed);
+    }
+}

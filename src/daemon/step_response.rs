@@ -1,0 +1,138 @@
+//! Judges how a closed loop answered a step of its targets.
+//!
+//! Terms: a step has *settled* from the first moment after which every magnet stays within [`SETTLED_WITHIN`] of its
+//! target to the step's end. The error of a magnet is the angle between its tangent and its target; its signed error is the difference of their
+//! angles from global z, as the paper's figures show it. Mean and RMS are taken over [`JUDGED_OVER`] at the step's end.
+
+use magsteer_hal::MAGNETS_MAX;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::math::angle_between;
+
+/// Greatest error of a settled magnet, rad.
+pub const SETTLED_WITHIN: f64 = 1.0_f64.to_radians();
+/// Time at the end of a step over which mean and RMS are taken, s.
+pub const JUDGED_OVER: f64 = 1.0;
+
+/// One observation of the loop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observation {
+    /// Time since the step began, s.
+    pub time: f64,
+    /// Tangents of the magnets, world.
+    pub tangent: [[f64; 3]; MAGNETS_MAX],
+    /// Greatest magnitude of a coil current, A.
+    pub current: f64,
+}
+
+/// How one step went; the keys of `demo --json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StepResponse {
+    /// Angle of each magnet's target from global z.
+    pub target_deg: Vec<f64>,
+    /// When the step had settled; `None` when it did not.
+    pub settled_s: Option<f64>,
+    /// Mean of the signed error of each magnet.
+    pub error_mean_deg: Vec<f64>,
+    /// RMS of the error of each magnet.
+    pub error_rms_deg: Vec<f64>,
+    /// Greatest magnitude of a coil current during the step.
+    pub current_max_a: f64,
+}
+
+/// Angle of a direction from global z, rad.
+#[must_use]
+pub fn polar_angle(direction: &[f64; 3]) -> f64 {
+    angle_between(&Vector3::z(), &Vector3::from(*direction))
+}
+
+/// Judges a step towards `target` (one unit vector a magnet) from its observations in order of time.
+#[must_use]
+pub fn judge(target: &[[f64; 3]], observations: &[Observation]) -> StepResponse {
+    let error = |observation: &Observation, magnet: usize| {
+        angle_between(&Vector3::from(observation.tangent[magnet]), &Vector3::from(target[magnet]))
+    };
+    let magnets = 0..target.len();
+    let is_within = |observation: &Observation| {
+        magnets.clone().all(|magnet| error(observation, magnet) <= SETTLED_WITHIN)
+    };
+    let outside = observations.iter().rposition(|observation| !is_within(observation));
+    let first_inside = outside.map_or(0, |index| index + 1);
+    let settled_s = observations.get(first_inside).map(|observation| observation.time);
+    let end = observations.last().map_or(0.0, |observation| observation.time);
+    let judged: Vec<&Observation> =
+        observations.iter().filter(|observation| observation.time >= end - JUDGED_OVER).collect();
+    let count = judged.len() as f64;
+    let mean = |magnet: usize| {
+        let signed = |observation: &&Observation| {
+            polar_angle(&observation.tangent[magnet]) - polar_angle(&target[magnet])
+        };
+        (judged.iter().map(signed).sum::<f64>() / count).to_degrees()
+    };
+    let rms = |magnet: usize| {
+        let squares: f64 = judged.iter().map(|observation| error(observation, magnet).powi(2)).sum();
+        (squares / count).sqrt().to_degrees()
+    };
+    StepResponse {
+        target_deg: target.iter().map(|direction| polar_angle(direction).to_degrees()).collect(),
+        settled_s,
+        error_mean_deg: magnets.clone().map(mean).collect(),
+        error_rms_deg: magnets.clone().map(rms).collect(),
+        current_max_a: observations.iter().fold(0.0, |most, observation| most.max(observation.current)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tangent_at(degrees: f64) -> [f64; 3] {
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        [sine, 0.0, cosine]
+    }
+
+    /// A magnet whose angle is `angle_deg(t)` for four seconds.
+    fn observe(angle_deg: impl Fn(f64) -> f64) -> Vec<Observation> {
+        (0..400)
+            .map(|index| {
+                let time = f64::from(index) * 0.01;
+                let mut tangent = [[0.0; 3]; MAGNETS_MAX];
+                tangent[0] = tangent_at(angle_deg(time));
+                Observation { time, tangent, current: time }
+            })
+            .collect()
+    }
+
+    /// Goal: an exponential approach of 20 degrees settles when it is within one degree, and not before.
+    #[test]
+    fn settles_when_it_stays_within_a_degree() {
+        let response = judge(&[tangent_at(90.0)], &observe(|time| 90.0 - 20.0 * (-5.0 * time).exp()));
+        let expected = 20f64.ln() / 5.0;
+        let settled = response.settled_s.expect("settles");
+        assert!((settled - expected).abs() <= 0.01);
+        assert!((response.current_max_a - 3.99).abs() < 1e-12);
+    }
+
+    /// Goal: an excursion near the end of the step undoes the settling, however long it was within before.
+    #[test]
+    fn late_excursion_is_not_settled() {
+        let response = judge(&[tangent_at(90.0)], &observe(|time| if time > 3.98 { 92.0 } else { 90.0 }));
+        assert_eq!(response.settled_s, None);
+    }
+
+    /// Goal: a steady error of half a degree is the mean and the RMS.
+    #[test]
+    fn steady_error_is_mean_and_rms() {
+        let response = judge(&[tangent_at(90.0)], &observe(|_| 90.5));
+        assert!((response.error_mean_deg[0] - 0.5).abs() < 1e-9);
+        assert!((response.error_rms_deg[0] - 0.5).abs() < 1e-9);
+        assert_eq!(response.settled_s, Some(0.0));
+    }
+
+    /// Goal: nothing observed is nothing settled.
+    #[test]
+    fn nothing_observed_is_not_settled() {
+        assert_eq!(judge(&[tangent_at(90.0)], &[]).settled_s, None);
+    }
+}

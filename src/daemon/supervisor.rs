@@ -1,0 +1,416 @@
+//! Decides in every cycle which state the daemon is in and what the cycle may send.
+//!
+//! Method: first the trips, worst cause first; then the request of the operator, if any; then the progress
+//! that needs no request (a claim confirmed, a ramp ended, sensing back). Latch first: the state changes
+//! here and now, telling anyone is another thread's work.
+//!
+//! What is absent: a clock, a channel, a log, an allocation. Nothing leaves `Fault` without a reset, and
+//! nothing enters `Active` without a `go`, but for a return from a brief loss of sensing.
+
+use magsteer_hal::Stamp;
+use magsteer_hal::message::driver_state;
+use magsteer_hal::operator::Cause;
+
+use crate::control::Directions;
+
+use super::config::Limits;
+use super::state::{ANSWERS_MAX, Answer, Directive, Request, State, Transition, Verb};
+use super::watch::{DriverView, Observation, Response, Watch, response};
+
+/// What the supervisor decided in one cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Decision {
+    /// What may be sent.
+    pub directive: Directive,
+    /// Epoch in whose name; 0 without authority.
+    pub epoch: u64,
+    /// State code after the cycle.
+    pub state: u32,
+    /// Cause of the last stop or fault, or of staying in `Boot`.
+    pub cause: Option<Cause>,
+    /// Set when the state changed.
+    pub transition: Option<Transition>,
+    /// Answers to requests, in their order.
+    pub answers: [Option<Answer>; ANSWERS_MAX],
+    /// Target accepted in this cycle.
+    pub target: Option<Directions>,
+    /// True when the operator's hold began in this cycle: the reference is to be frozen.
+    pub froze: bool,
+}
+
+/// The state machine of the daemon.
+#[derive(Debug, Clone)]
+pub struct Supervisor {
+    state: State,
+    watch: Watch,
+    /// Cause of the last stop or fault; cleared by reset and by arming.
+    cause: Option<Cause>,
+    /// Epoch claimed last; 0 once it was given up.
+    epoch: u64,
+    /// Until when a release is repeated.
+    release_until: Stamp,
+    magnet_count: usize,
+    realtime_missing: bool,
+    ending: bool,
+}
+
+impl Supervisor {
+    /// Starts in `Boot`. `realtime_missing`: real time is enforced and was not granted.
+    #[must_use]
+    pub fn new(limits: Limits, magnet_count: usize, realtime_missing: bool) -> Self {
+        Self {
+            state: State::Boot,
+            watch: Watch::new(limits),
+            magnet_count,
+            cause: None,
+            epoch: 0,
+            release_until: Stamp::default(),
+            realtime_missing,
+            ending: false,
+        }
+    }
+
+    /// The present state.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Epoch claimed last, 0 without one.
+    #[must_use]
+    pub fn epoch(&self) -> u64 {
+        self.epoch
+    }
+
+    /// Judges one cycle.
+    pub fn step(&mut self, seen: &Observation, request: Option<Request>) -> Decision {
+        let before = self.state;
+        let mut answers = Answers::default();
+        let mut target = None;
+        self.watch.observe(seen);
+        if let Some(cause) = self.watch.trip(&self.state, self.epoch, seen) {
+            self.trip(cause, seen.now, &mut answers);
+        }
+        match request {
+            Some(Request { id, verb: Verb::SetTarget(directions) }) => {
+                target = unit_directions(&directions, self.magnet_count);
+                answers.push(id, target.is_none().then_some(Cause::TargetInvalid));
+            }
+            Some(request) => self.take(request, seen, &mut answers),
+            None => {}
+        }
+        self.progress(seen, &mut answers);
+        self.forget_authority(seen);
+        let decision = self.decision(&before, seen, &answers);
+        Decision { target, ..decision }
+    }
+
+    /// True when the process was told to end and nothing is left to send.
+    #[must_use]
+    pub fn has_ended(&self, now: Stamp) -> bool {
+        let done = match self.state {
+            State::Boot => true,
+            State::Idle => self.epoch == 0,
+            State::Fault { .. } => now >= self.release_until,
+            _ => false,
+        };
+        self.ending && done
+    }
+
+    fn decision(&self, before: &State, seen: &Observation, answers: &Answers) -> Decision {
+        let held = |state: &State| matches!(state, State::Holding { by_operator: true, .. });
+        let changed = before.code() != self.state.code();
+        let waiting = || self.watch.forbids_leaving_boot(seen);
+        let cause = if self.state == State::Boot { waiting() } else { self.cause };
+        let lost = matches!(self.state, State::Holding { sensing_lost: true, .. });
+        let why = if lost { Some(Cause::PoseStale) } else { self.cause };
+        let transition =
+            changed.then(|| Transition { from: before.code(), to: self.state.code(), cause: why });
+        Decision {
+            directive: self.directive(before),
+            epoch: self.epoch,
+            state: self.state.code(),
+            cause,
+            transition,
+            answers: answers.given(self.state.code(), self.epoch),
+            target: None,
+            froze: held(&self.state) && !held(before),
+        }
+    }
+
+    fn directive(&self, before: &State) -> Directive {
+        let released = if self.epoch == 0 { Directive::Silent } else { Directive::Release };
+        match self.state {
+            State::Boot => Directive::Silent,
+            State::Idle => released,
+            State::Arming { .. } => Directive::Claim,
+            State::Armed => Directive::Rest,
+            State::Active | State::Holding { .. } if *before == State::Armed => Directive::Begin,
+            State::Active | State::Holding { sensing_lost: false, .. } if before.is_engaged() => {
+                Directive::Follow
+            }
+            // Without sensing, and in the cycle of its return, whose request was made without it.
+            State::Active | State::Holding { .. } => Directive::Hold,
+            State::SafeStop { .. } => Directive::RampDown,
+            State::Fault { cause } if response(cause) == Response::Disable => Directive::Disable,
+            State::Fault { .. } => released,
+        }
+    }
+
+    /// Stops for `cause` unless the episode already has a worse one.
+    fn trip(&mut self, cause: Cause, now: Stamp, answers: &mut Answers) {
+        if let State::Arming { request_id, .. } = self.state {
+            answers.refuse(request_id, cause);
+        }
+        match (self.state, response(cause)) {
+            (State::Fault { cause: present }, _) if present >= cause => {}
+            (State::Fault { .. }, _) | (_, Response::Disable) => self.enter_fault(cause, now),
+            (State::SafeStop { since, cause: present }, _) => self.enter_safe_stop(cause.max(present), since),
+            _ => self.enter_safe_stop(cause, now),
+        }
+    }
+
+    fn take(&mut self, request: Request, seen: &Observation, answers: &mut Answers) {
+        let verdict = match request.verb {
+            Verb::Arm => match self.arm(request.id, seen) {
+                // A claim is answered once the driver confirms it.
+                Ok(()) if matches!(self.state, State::Arming { .. }) => return,
+                verdict => verdict,
+            },
+            Verb::Go => self.go(seen),
+            Verb::Hold => self.hold(),
+            Verb::Stop => self.stop(Cause::OperatorStop, seen, answers),
+            Verb::Terminate => {
+                self.ending = true;
+                self.stop(Cause::Terminated, seen, answers)
+            }
+            Verb::Reset => self.reset(seen),
+            Verb::EmergencyStop => {
+                self.trip(Cause::EmergencyStop, seen.now, answers);
+                Ok(())
+            }
+            // Taken before, whatever the state.
+            Verb::SetTarget(_) => return,
+        };
+        answers.push(request.id, verdict.err());
+    }
+
+    fn arm(&mut self, request_id: u32, seen: &Observation) -> Result<(), Cause> {
+        match self.state {
+            State::Armed => Ok(()),
+            State::Arming { .. } => Err(Cause::Busy),
+            State::SafeStop { cause, .. } | State::Fault { cause } => Err(cause),
+            State::Active | State::Holding { .. } => Err(Cause::WrongState),
+            State::Boot => Err(self.watch.forbids_leaving_boot(seen).unwrap_or(Cause::WrongState)),
+            State::Idle if self.ending => Err(Cause::Ending),
+            State::Idle => match self.watch.forbids_arming(self.realtime_missing, seen) {
+                Some(cause) => Err(cause),
+                None => {
+                    self.enter_arming(request_id, seen.now);
+                    Ok(())
+                }
+            },
+        }
+    }
+
+    fn go(&mut self, seen: &Observation) -> Result<(), Cause> {
+        match self.state {
+            State::Armed => match self.watch.forbids_steering(seen) {
+                Some(cause) => Err(cause),
+                None => {
+                    self.enter_active();
+                    Ok(())
+                }
+            },
+            State::Active => Ok(()),
+            State::Holding { sensing_lost: false, .. } => {
+                self.enter_active();
+                Ok(())
+            }
+            State::Holding { sensing_lost: true, .. } => {
+                self.enter_holding(false, true);
+                Ok(())
+            }
+            State::SafeStop { cause, .. } | State::Fault { cause } => Err(cause),
+            State::Boot | State::Idle | State::Arming { .. } => Err(Cause::WrongState),
+        }
+    }
+
+    fn hold(&mut self) -> Result<(), Cause> {
+        match self.state {
+            State::Active => self.enter_holding(true, false),
+            State::Holding { sensing_lost, .. } => self.enter_holding(true, sensing_lost),
+            State::SafeStop { cause, .. } | State::Fault { cause } => return Err(cause),
+            State::Boot | State::Idle | State::Arming { .. } | State::Armed => return Err(Cause::WrongState),
+        }
+        Ok(())
+    }
+
+    fn stop(&mut self, cause: Cause, seen: &Observation, answers: &mut Answers) -> Result<(), Cause> {
+        match self.state {
+            State::Boot | State::Idle | State::SafeStop { .. } => {}
+            State::Arming { request_id, .. } => {
+                answers.refuse(request_id, cause);
+                self.enter_idle(seen.now);
+            }
+            State::Armed | State::Active | State::Holding { .. } => self.enter_safe_stop(cause, seen.now),
+            State::Fault { cause } => return Err(cause),
+        }
+        Ok(())
+    }
+
+    fn reset(&mut self, seen: &Observation) -> Result<(), Cause> {
+        match self.state {
+            State::Idle => self.cause = None,
+            State::Fault { cause } => {
+                // The latched cause may be over while a milder one holds.
+                let present = self.watch.persists(cause, seen).then_some(cause);
+                if let Some(cause) = present.or(self.watch.trip(&self.state, self.epoch, seen)) {
+                    return Err(cause);
+                }
+                self.enter_idle(seen.now);
+                self.cause = None;
+            }
+            _ => return Err(Cause::WrongState),
+        }
+        Ok(())
+    }
+
+    /// What happens without a request.
+    fn progress(&mut self, seen: &Observation, answers: &mut Answers) {
+        match self.state {
+            State::Boot if self.watch.forbids_leaving_boot(seen).is_none() => self.enter_idle(seen.now),
+            State::Arming { since, request_id } => self.await_claim(since, request_id, seen, answers),
+            State::Active if self.sensing_lost(seen) => self.enter_holding(false, true),
+            State::Holding { by_operator, .. } => match (by_operator, self.sensing_lost(seen)) {
+                (false, false) => self.enter_active(),
+                (by_operator, sensing_lost) => self.enter_holding(by_operator, sensing_lost),
+            },
+            State::SafeStop { since, cause } => self.await_rest(since, cause, seen),
+            _ => {}
+        }
+    }
+
+    fn await_claim(&mut self, since: Stamp, request_id: u32, seen: &Observation, answers: &mut Answers) {
+        let echoed = |driver: &DriverView| driver.epoch == self.epoch && driver.state == driver_state::DRIVEN;
+        if seen.driver.as_ref().is_some_and(echoed) {
+            self.enter_armed();
+            answers.push(request_id, None);
+        } else if seen.now.since(since) > self.watch.limits().arm_timeout {
+            self.enter_idle(seen.now);
+            answers.refuse(request_id, Cause::ArmTimeout);
+        }
+    }
+
+    /// Ends a ramp on what was measured after it began, once zero is also commanded.
+    fn await_rest(&mut self, since: Stamp, cause: Cause, seen: &Observation) {
+        let measured_since = seen.driver.as_ref().is_some_and(|driver| driver.stamp > since);
+        if measured_since && seen.commanded_zero && self.watch.is_at_rest(seen) {
+            match response(cause) {
+                Response::Refuse | Response::Stop => {
+                    self.enter_idle(seen.now);
+                    self.cause = Some(cause);
+                }
+                Response::Trip | Response::Disable => self.enter_fault(cause, seen.now),
+            }
+        } else if seen.now.since(since) > self.watch.limits().ramp_timeout {
+            self.enter_fault(Cause::RampTimeout, seen.now);
+        }
+    }
+
+    fn sensing_lost(&self, seen: &Observation) -> bool {
+        !seen.poses_within(self.watch.limits().pose_hold)
+    }
+
+    /// A release is repeated until the driver shows that it no longer obeys this epoch, at most for a
+    /// command's validity: after that the driver ramps down by itself.
+    fn forget_authority(&mut self, seen: &Observation) {
+        let releasing = match self.state {
+            State::Idle => true,
+            State::Fault { cause } => response(cause) != Response::Disable,
+            _ => false,
+        };
+        let gone = |driver: &DriverView| driver.epoch != self.epoch || driver.state == driver_state::IDLE;
+        let over = seen.now >= self.release_until || seen.driver.as_ref().is_some_and(gone);
+        if releasing && over {
+            self.epoch = 0;
+        }
+    }
+
+    fn enter_idle(&mut self, now: Stamp) {
+        self.release_until = now.after(self.watch.limits().command_validity);
+        self.state = State::Idle;
+    }
+
+    fn enter_arming(&mut self, request_id: u32, now: Stamp) {
+        // Rises with every claim on this host, since the clock does.
+        self.epoch = now.nanoseconds().max(self.epoch + 1);
+        self.cause = None;
+        self.state = State::Arming { since: now, request_id };
+    }
+
+    fn enter_armed(&mut self) {
+        self.state = State::Armed;
+    }
+
+    fn enter_active(&mut self) {
+        self.state = State::Active;
+    }
+
+    fn enter_holding(&mut self, by_operator: bool, sensing_lost: bool) {
+        self.state = State::Holding { by_operator, sensing_lost };
+    }
+
+    fn enter_safe_stop(&mut self, cause: Cause, since: Stamp) {
+        self.cause = Some(cause);
+        self.state = State::SafeStop { since, cause };
+    }
+
+    fn enter_fault(&mut self, cause: Cause, now: Stamp) {
+        if response(cause) == Response::Disable && self.epoch == 0 {
+            // A driver that nobody holds takes the order to cut from any later epoch.
+            self.epoch = now.nanoseconds().max(1);
+        }
+        self.release_until = now.after(self.watch.limits().command_validity);
+        self.cause = Some(cause);
+        self.state = State::Fault { cause };
+    }
+}
+
+/// The directions normalised; `None` unless there is one finite unit vector a magnet.
+fn unit_directions(directions: &Directions, magnet_count: usize) -> Option<Directions> {
+    // Looser than any rounding on the way here, tight enough that a forgotten normalisation shows.
+    const NORM_TOLERANCE: f64 = 1e-3;
+    let mut units = Directions::default();
+    for (unit, direction) in units.iter_mut().zip(directions).take(magnet_count) {
+        let norm = direction.iter().map(|component| component * component).sum::<f64>().sqrt();
+        // Not a number lies in no range.
+        if !(1.0 - NORM_TOLERANCE..=1.0 + NORM_TOLERANCE).contains(&norm) {
+            return None;
+        }
+        *unit = direction.map(|component| component / norm);
+    }
+    Some(units)
+}
+
+/// Answers of one cycle: whom, and why not.
+#[derive(Debug, Default)]
+struct Answers {
+    verdicts: [Option<(u32, Option<Cause>)>; ANSWERS_MAX],
+}
+
+impl Answers {
+    fn push(&mut self, id: u32, refused: Option<Cause>) {
+        if let Some(free) = self.verdicts.iter_mut().find(|verdict| verdict.is_none()) {
+            *free = Some((id, refused));
+        }
+    }
+
+    fn refuse(&mut self, id: u32, cause: Cause) {
+        self.push(id, Some(cause));
+    }
+
+    fn given(&self, state: u32, epoch: u64) -> [Option<Answer>; ANSWERS_MAX] {
+        self.verdicts.map(|verdict| verdict.map(|(id, refused)| Answer { id, refused, state, epoch }))
+    }
+}

@@ -1,0 +1,253 @@
+//! The other thread: serves operators, publishes the status, writes the log.
+//!
+//! It talks to the loop through rings only, and may be late or die without harm to the loop. A request
+//! is handed to the loop and answered when the loop answers; one that waits longer than an operator
+//! does is dropped without an answer, which counts as not done.
+
+use std::io::Write;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use magsteer_hal::channels::{IncomingRequest, OperatorServer};
+use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, state, verb};
+use magsteer_hal::{HardwareDescription, Stamp};
+use rtrb::{Consumer, Producer};
+
+use super::config::DaemonConfig;
+use super::control_loop::CycleRecord;
+use super::runner::LoopCounters;
+use super::state::{Answer, Request, Verb};
+use super::view::{StatusView, TransitionLine};
+
+/// How often this thread looks at its rings.
+const POLL: Duration = Duration::from_millis(2);
+/// An operator waits 200 ms for an answer; a later one has nowhere to go.
+const ANSWER_PATIENCE: Duration = Duration::from_millis(200);
+/// How long `--arm` tries, and how often.
+const ARM_PATIENCE: Duration = Duration::from_secs(10);
+const ARM_PAUSE: Duration = Duration::from_millis(200);
+/// Requests under way at once.
+const PENDING_MAX: usize = 32;
+/// Number of the request that arms at the start; operators' are counted from the next one.
+const ARM_AT_START: u32 = 1;
+
+/// This thread's ends of the rings.
+#[derive(Debug)]
+pub struct TelemetryRings {
+    /// Requests to the loop.
+    pub requests: Producer<Request>,
+    /// Their answers.
+    pub answers: Consumer<Answer>,
+    /// One record a cycle.
+    pub records: Consumer<CycleRecord>,
+}
+
+/// A request that waits for the loop's answer.
+#[derive(Debug)]
+struct Pending {
+    id: u32,
+    incoming: IncomingRequest,
+    since: Stamp,
+}
+
+/// `--arm`: asks until the loop is armed once, or patience is out.
+#[derive(Debug)]
+struct ArmAtStart {
+    give_up: Stamp,
+    next: Stamp,
+}
+
+/// The thread's state.
+#[derive(Debug)]
+pub struct Telemetry {
+    server: OperatorServer,
+    rings: TelemetryRings,
+    view: StatusView,
+    status_period: Duration,
+    next_status: Stamp,
+    pending: Vec<Pending>,
+    next_id: u32,
+    arm_at_start: Option<ArmAtStart>,
+    magnet_count: u32,
+}
+
+impl Telemetry {
+    /// Serves operators of this rig; `arm`: arms as soon as the rig is ready.
+    #[must_use]
+    pub fn new(
+        server: OperatorServer,
+        rings: TelemetryRings,
+        description: &HardwareDescription,
+        config: &DaemonConfig,
+        arm: bool,
+    ) -> Self {
+        let now = Stamp::now();
+        Self {
+            server,
+            rings,
+            view: StatusView::new(description, config.rate_hz),
+            status_period: config.status_period(),
+            next_status: now,
+            pending: Vec::with_capacity(PENDING_MAX),
+            next_id: ARM_AT_START + 1,
+            arm_at_start: arm.then(|| ArmAtStart { give_up: now.after(ARM_PATIENCE), next: now }),
+            magnet_count: u32::try_from(description.magnets().count()).unwrap_or(u32::MAX),
+        }
+    }
+
+    /// Serves until the loop has ended and everything it left was told.
+    pub fn serve(&mut self, counters: &LoopCounters) {
+        loop {
+            let ended = self.rings.records.is_abandoned();
+            let now = Stamp::now();
+            self.take_records();
+            self.take_answers();
+            self.take_requests(now);
+            self.try_to_arm(now);
+            if ended || now >= self.next_status {
+                self.publish(now);
+            }
+            if ended {
+                break;
+            }
+            std::thread::sleep(POLL.min(self.status_period));
+        }
+        let dropped = counters.records_dropped.load(Ordering::Relaxed);
+        if dropped > 0 {
+            log(format_args!("{dropped} cycle records were dropped: this thread was starved"));
+        }
+    }
+
+    fn take_records(&mut self) {
+        while let Ok(record) = self.rings.records.pop() {
+            if record.decision.transition.is_some() {
+                log(format_args!("{}", TransitionLine(&record)));
+            }
+            self.view.take(&record);
+        }
+    }
+
+    fn take_answers(&mut self) {
+        while let Ok(answer) = self.rings.answers.pop() {
+            if answer.id == ARM_AT_START {
+                self.take_own_answer(&answer);
+            } else if let Some(index) = self.pending.iter().position(|pending| pending.id == answer.id) {
+                let pending = self.pending.swap_remove(index);
+                reply(pending.incoming, message(&answer));
+            }
+        }
+    }
+
+    fn take_requests(&mut self, now: Stamp) {
+        self.pending.retain(|pending| now.since(pending.since) <= ANSWER_PATIENCE);
+        while let Some(incoming) = self.server.next_request() {
+            match parse(incoming.request(), self.magnet_count) {
+                Ok(verb) if self.pending.len() < PENDING_MAX => self.hand_over(verb, incoming, now),
+                Ok(_) => self.refuse(incoming, Cause::Busy),
+                Err(cause) => self.refuse(incoming, cause),
+            }
+        }
+    }
+
+    fn hand_over(&mut self, verb: Verb, incoming: IncomingRequest, now: Stamp) {
+        let id = self.next_id;
+        self.next_id = self.next_id.checked_add(1).unwrap_or(ARM_AT_START + 1);
+        match self.rings.requests.push(Request { id, verb }) {
+            Ok(()) => self.pending.push(Pending { id, incoming, since: now }),
+            Err(_) => self.refuse(incoming, Cause::Busy),
+        }
+    }
+
+    fn refuse(&self, incoming: IncomingRequest, cause: Cause) {
+        let refusal = Answer { id: 0, refused: Some(cause), state: self.view.state(), epoch: 0 };
+        reply(incoming, message(&refusal));
+    }
+
+    fn try_to_arm(&mut self, now: Stamp) {
+        let Some(arm) = &mut self.arm_at_start else {
+            return;
+        };
+        if self.view.state() != state::BOOT && now >= arm.next {
+            arm.next = now.after(ARM_PAUSE);
+            // A full ring means that the loop is not running; the next attempt comes anyway.
+            let _ = self.rings.requests.push(Request { id: ARM_AT_START, verb: Verb::Arm });
+        }
+        if now >= arm.give_up {
+            log(format_args!("not armed within {} s; arm by hand", ARM_PATIENCE.as_secs()));
+            self.arm_at_start = None;
+        }
+    }
+
+    fn take_own_answer(&mut self, answer: &Answer) {
+        match answer.refused {
+            None => self.arm_at_start = None,
+            // Anything but a rig that is not ready yet ends the attempts.
+            Some(Cause::PoseStale | Cause::DriverBusy | Cause::FeedbackStale | Cause::ArmTimeout) => {}
+            Some(cause) if self.arm_at_start.take().is_some() => {
+                log(format_args!("not armed: {}", cause.text()));
+            }
+            Some(_) => {}
+        }
+    }
+
+    fn publish(&mut self, now: Stamp) {
+        if let Some(status) = self.view.message() {
+            // A view that nobody could be shown is no fault of the loop.
+            let _ = self.server.publish_status(status, now);
+        }
+        let next = self.next_status.after(self.status_period);
+        self.next_status = if next > now { next } else { now.after(self.status_period) };
+    }
+}
+
+/// What an operator's request asks of the loop.
+fn parse(request: &OperatorRequest, magnet_count: u32) -> Result<Verb, Cause> {
+    match request.verb {
+        verb::ARM => Ok(Verb::Arm),
+        verb::GO => Ok(Verb::Go),
+        verb::HOLD => Ok(Verb::Hold),
+        verb::STOP => Ok(Verb::Stop),
+        verb::RESET => Ok(Verb::Reset),
+        verb::ESTOP => Ok(Verb::EmergencyStop),
+        verb::SET_TARGET if request.magnet_count == magnet_count => Ok(Verb::SetTarget(request.direction)),
+        verb::SET_TARGET => Err(Cause::TargetInvalid),
+        _ => Err(Cause::UnknownVerb),
+    }
+}
+
+fn message(answer: &Answer) -> OperatorAnswer {
+    OperatorAnswer {
+        accepted: u32::from(answer.refused.is_none()),
+        cause: answer.refused.map_or(0, Cause::code),
+        state: answer.state,
+        reserved: 0,
+        epoch: answer.epoch,
+    }
+}
+
+fn reply(incoming: IncomingRequest, answer: OperatorAnswer) {
+    // An operator that is gone by now does not need the answer.
+    let _ = incoming.answer(answer);
+}
+
+/// One line on stderr. A closed stderr must not end this thread.
+pub fn log(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stderr().lock(), "magsteer: {line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use magsteer_hal::operator::{Cause, OperatorRequest, verb};
+
+    use super::{Verb, parse};
+
+    #[test]
+    fn unknown_verbs_and_targets_for_another_count_of_magnets_are_refused() {
+        let request = |verb, magnet_count| OperatorRequest { verb, magnet_count, direction: [[0.0; 3]; 8] };
+        assert_eq!(parse(&request(0, 2), 2), Err(Cause::UnknownVerb));
+        assert_eq!(parse(&request(99, 2), 2), Err(Cause::UnknownVerb));
+        assert_eq!(parse(&request(verb::SET_TARGET, 3), 2), Err(Cause::TargetInvalid));
+        assert_eq!(parse(&request(verb::SET_TARGET, 2), 2), Ok(Verb::SetTarget([[0.0; 3]; 8])));
+        assert_eq!(parse(&request(verb::GO, 0), 2), Ok(Verb::Go));
+    }
+}

@@ -1,0 +1,132 @@
+//! What people see of the loop: the status message and a line for each change of state.
+
+use std::fmt;
+use std::time::Duration;
+
+use magsteer_hal::message::Header;
+use magsteer_hal::operator::{Cause, StatusMessage, state};
+use magsteer_hal::{HardwareDescription, Stamp};
+
+use super::control_loop::CycleRecord;
+
+/// Over how long the rate of the loop is measured.
+const RATE_WINDOW: Duration = Duration::from_secs(1);
+
+/// Gathers cycles into the next status message.
+#[derive(Debug)]
+pub struct StatusView {
+    rate_hz: f64,
+    magnet_count: u32,
+    coil_count: u32,
+    pose_parameter_count: u32,
+    newest: Option<CycleRecord>,
+    missed: u64,
+    lateness_max: Duration,
+    window_begin: Stamp,
+    window_cycles: u64,
+    rate_measured_hz: f64,
+}
+
+impl StatusView {
+    /// A view of a loop on this rig.
+    #[must_use]
+    pub fn new(description: &HardwareDescription, rate_hz: f64) -> Self {
+        let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
+        Self {
+            rate_hz,
+            magnet_count: count(description.magnets().count()),
+            coil_count: count(description.coils.len()),
+            pose_parameter_count: count(description.frames.len()),
+            newest: None,
+            missed: 0,
+            lateness_max: Duration::ZERO,
+            window_begin: Stamp::default(),
+            window_cycles: 0,
+            rate_measured_hz: 0.0,
+        }
+    }
+
+    /// Takes over one cycle.
+    pub fn take(&mut self, record: &CycleRecord) {
+        if self.newest.is_none() {
+            self.window_begin = record.tick.now;
+        }
+        self.window_cycles += 1;
+        self.missed += record.tick.missed;
+        self.lateness_max = self.lateness_max.max(record.tick.lateness);
+        let window = record.tick.now.since(self.window_begin);
+        if window >= RATE_WINDOW {
+            self.rate_measured_hz = self.window_cycles as f64 / window.as_secs_f64();
+            self.window_begin = record.tick.now;
+            self.window_cycles = 0;
+        }
+        self.newest = Some(*record);
+    }
+
+    /// State code of the newest cycle.
+    #[must_use]
+    pub fn state(&self) -> u32 {
+        self.newest.as_ref().map_or(state::BOOT, |record| record.decision.state)
+    }
+
+    /// The message to publish now; `None` before the first cycle.
+    pub fn message(&mut self) -> Option<StatusMessage> {
+        let record = self.newest.as_ref()?;
+        let lateness_max = std::mem::take(&mut self.lateness_max);
+        let (decision, outcome) = (&record.decision, &record.outcome);
+        let mut message = StatusMessage {
+            header: Header { source_stamp_ns: record.tick.now.nanoseconds(), ..Header::default() },
+            state: decision.state,
+            cause: decision.cause.map_or(0, Cause::code),
+            cycle: record.tick.number,
+            missed: self.missed,
+            rate_hz: self.rate_hz,
+            rate_measured_hz: self.rate_measured_hz,
+            lateness_us: microseconds(record.tick.lateness),
+            lateness_max_us: microseconds(lateness_max.max(record.tick.lateness)),
+            pose_age_us: record.pose_age().map_or(-1.0, microseconds),
+            magnet_count: self.magnet_count,
+            coil_count: self.coil_count,
+            pose_parameter_count: self.pose_parameter_count,
+            model_converged: u32::from(outcome.model.converged),
+            target_direction: record.target,
+            desired_direction: outcome.desired,
+            measured_direction: outcome.measured,
+            predicted_direction: outcome.predicted,
+            measured: record.input.measured,
+            admitted: record.admitted,
+        };
+        if record.feedback.is_none() {
+            message.measured = magsteer_hal::Actuation::default();
+        }
+        Some(message)
+    }
+}
+
+fn microseconds(duration: Duration) -> f64 {
+    duration.as_secs_f64() * 1e6
+}
+
+/// A change of state, as a line of the log.
+#[derive(Debug, Clone, Copy)]
+pub struct TransitionLine<'a>(pub &'a CycleRecord);
+
+impl fmt::Display for TransitionLine<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let record = self.0;
+        let Some(transition) = record.decision.transition else {
+            return Ok(());
+        };
+        let (from, to) = (state::name(transition.from), state::name(transition.to));
+        let seconds = record.tick.now.nanoseconds() as f64 * 1e-9;
+        write!(formatter, "{seconds:.3} s, cycle {}: {from} -> {to}", record.tick.number)?;
+        if let Some(cause) = transition.cause {
+            write!(formatter, ": {} (cause {})", cause.text(), cause.code())?;
+        }
+        let reasons = [record.pose_refused, record.feedback_refused];
+        for reason in reasons.into_iter().flatten() {
+            write!(formatter, "; {reason}")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,333 @@
+//! What is judged in every cycle: ages, the driver's state, the model's health, overruns; and which
+//! cause follows from it.
+//!
+//! What is absent: any decision about what to send.
+
+use std::time::Duration;
+
+use magsteer_hal::Stamp;
+use magsteer_hal::message::driver_state;
+use magsteer_hal::operator::Cause;
+
+use super::config::Limits;
+use super::state::State;
+
+/// The driver as its newest feedback shows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DriverView {
+    /// When the feedback was true.
+    pub stamp: Stamp,
+    /// One of [`driver_state`].
+    pub state: u32,
+    /// The driver's own fault code, 0 for none.
+    pub fault: u32,
+    /// Epoch that it obeys.
+    pub epoch: u64,
+    /// Greatest measured current, A.
+    pub current_max: f64,
+    /// True when a measured current lies beyond its coil's limit and margin.
+    pub over_current: bool,
+}
+
+/// What the supervisor sees of a cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observation {
+    /// The cycle's moment.
+    pub now: Stamp,
+    /// Periods missed before this cycle.
+    pub missed: u64,
+    /// Exposure of the newest valid poses.
+    pub pose_stamp: Option<Stamp>,
+    /// Newest valid feedback.
+    pub driver: Option<DriverView>,
+    /// True when feedback was refused because it speaks of another rig.
+    pub description_mismatch: bool,
+    /// True when the model's equilibrium was found in this cycle.
+    pub model_converged: bool,
+    /// True when every magnet lies within the field model's range.
+    pub field_valid: bool,
+    /// True when the controller's request is finite.
+    pub request_finite: bool,
+    /// True when the previous command could not be sent.
+    pub write_failed: bool,
+    /// True when every current commanded last is zero.
+    pub commanded_zero: bool,
+}
+
+impl Observation {
+    /// Age of the poses; `None` before the first.
+    #[must_use]
+    pub fn pose_age(&self) -> Option<Duration> {
+        self.pose_stamp.map(|stamp| self.now.since(stamp))
+    }
+
+    pub(super) fn poses_within(&self, limit: Duration) -> bool {
+        self.pose_age().is_some_and(|age| age <= limit)
+    }
+
+    pub(super) fn fresh_driver(&self, limit: Duration) -> Option<&DriverView> {
+        self.driver.as_ref().filter(|driver| self.now.since(driver.stamp) <= limit)
+    }
+}
+
+/// What a cause makes of the outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Response {
+    /// A request is refused, nothing else.
+    Refuse,
+    /// Ramp to zero, then idle.
+    Stop,
+    /// Ramp to zero, then a latched fault.
+    Trip,
+    /// Cut the amplifiers, a latched fault.
+    Disable,
+}
+
+/// What `cause` makes of the outputs; follows from the ranges of its codes.
+#[must_use]
+pub const fn response(cause: Cause) -> Response {
+    match cause.code() {
+        0..100 => Response::Refuse,
+        100..200 => Response::Stop,
+        200..300 => Response::Trip,
+        _ => Response::Disable,
+    }
+}
+
+/// Leaky bucket of missed periods.
+///
+/// Every missed period adds one, every period elapsed drains `fraction`: a loop that misses a smaller share
+/// for ever never fills it, a single stall fills it when it lasts a whole window.
+#[derive(Debug, Clone, Copy)]
+struct OverrunBucket {
+    fraction: f64,
+    capacity: f64,
+    level: f64,
+}
+
+impl OverrunBucket {
+    fn take(&mut self, missed: u64) {
+        // A stall of days need not be counted exactly here, only not overflow.
+        let missed = missed as f64;
+        let change = missed - self.fraction * (missed + 1.0);
+        self.level = (self.level + change).clamp(0.0, self.capacity);
+    }
+
+    fn is_full(&self) -> bool {
+        self.level >= self.capacity
+    }
+}
+
+/// Memory of how long something has been wrong.
+#[derive(Debug, Clone)]
+pub struct Watch {
+    limits: Limits,
+    overruns: OverrunBucket,
+    model_unusable_since: Option<Stamp>,
+    write_failing_since: Option<Stamp>,
+}
+
+impl Watch {
+    /// Nothing wrong so far.
+    #[must_use]
+    pub fn new(limits: Limits) -> Self {
+        let overruns = OverrunBucket {
+            fraction: limits.overrun_fraction,
+            capacity: limits.overrun_capacity,
+            level: 0.0,
+        };
+        Self { limits, overruns, model_unusable_since: None, write_failing_since: None }
+    }
+
+    /// Takes one cycle's observation.
+    pub fn observe(&mut self, seen: &Observation) {
+        self.overruns.take(seen.missed);
+        let model_usable = seen.model_converged && seen.field_valid;
+        self.model_unusable_since = since(self.model_unusable_since, !model_usable, seen.now);
+        self.write_failing_since = since(self.write_failing_since, seen.write_failed, seen.now);
+    }
+
+    /// The worst cause that stops the daemon in `state`; `epoch` is the one it holds.
+    #[must_use]
+    pub fn trip(&self, state: &State, epoch: u64, seen: &Observation) -> Option<Cause> {
+        let disabling = self.disabling_cause(state, seen);
+        let losing = if state.holds_authority() { self.authority_cause(epoch, seen) } else { None };
+        let steering = match state {
+            State::Active | State::Holding { .. } => self.steering_cause(state, seen),
+            _ => None,
+        };
+        disabling.max(losing).max(steering)
+    }
+
+    fn disabling_cause(&self, state: &State, seen: &Observation) -> Option<Cause> {
+        let driver = seen.driver.as_ref()?;
+        if *state == State::Boot {
+            return None;
+        }
+        if driver.over_current {
+            return Some(Cause::OverCurrent);
+        }
+        if driver.fault != 0 {
+            return Some(Cause::DriverFault);
+        }
+        let cut = state.holds_authority() && driver.state == driver_state::DISABLED;
+        cut.then_some(Cause::DriverDisabled)
+    }
+
+    fn authority_cause(&self, epoch: u64, seen: &Observation) -> Option<Cause> {
+        let Some(driver) = seen.fresh_driver(self.limits.feedback_stop) else {
+            return Some(Cause::FeedbackStale);
+        };
+        if driver.epoch != epoch || driver.state != driver_state::DRIVEN {
+            return Some(Cause::AuthorityLost);
+        }
+        if seen.description_mismatch {
+            return Some(Cause::DescriptionMismatch);
+        }
+        let failing = lasted(self.write_failing_since, seen.now, self.limits.command_validity);
+        if failing {
+            return Some(Cause::CommandNotSent);
+        }
+        self.overruns.is_full().then_some(Cause::Overruns)
+    }
+
+    fn steering_cause(&self, state: &State, seen: &Observation) -> Option<Cause> {
+        if state.is_engaged() && !seen.request_finite {
+            return Some(Cause::RequestNotFinite);
+        }
+        if lasted(self.model_unusable_since, seen.now, self.limits.model_stop) {
+            return Some(model_cause(seen));
+        }
+        (!seen.poses_within(self.limits.pose_stop)).then_some(Cause::PoseStale)
+    }
+
+    /// Why the daemon may not take authority now.
+    #[must_use]
+    pub fn forbids_arming(&self, realtime_missing: bool, seen: &Observation) -> Option<Cause> {
+        if realtime_missing {
+            return Some(Cause::RealtimeMissing);
+        }
+        if let Some(cause) = self.forbids_leaving_boot(seen) {
+            return Some(cause);
+        }
+        if !seen.poses_within(self.limits.pose_hold) {
+            return Some(Cause::PoseStale);
+        }
+        let driver = seen.driver.as_ref()?;
+        // A claim also puts cut amplifiers back to work; what cut them was reset before.
+        let waiting = matches!(driver.state, driver_state::IDLE | driver_state::DISABLED);
+        let idle = waiting && driver.current_max < self.limits.ramp_done;
+        (!idle).then_some(Cause::DriverBusy)
+    }
+
+    /// Why the daemon may not start to steer now.
+    #[must_use]
+    pub fn forbids_steering(&self, seen: &Observation) -> Option<Cause> {
+        if !seen.poses_within(self.limits.pose_hold) {
+            return Some(Cause::PoseStale);
+        }
+        (!seen.model_converged || !seen.field_valid).then(|| model_cause(seen))
+    }
+
+    /// Why the daemon does not leave `Boot`.
+    #[must_use]
+    pub fn forbids_leaving_boot(&self, seen: &Observation) -> Option<Cause> {
+        if seen.description_mismatch {
+            return Some(Cause::DescriptionMismatch);
+        }
+        seen.fresh_driver(self.limits.feedback_stop).is_none().then_some(Cause::FeedbackStale)
+    }
+
+    /// True while the reason for a fault still holds, so that a reset is refused.
+    /// A cause that is an event (authority lost, a value that was not finite) is over once it happened.
+    #[must_use]
+    pub fn persists(&self, cause: Cause, seen: &Observation) -> bool {
+        let driver = seen.driver.as_ref();
+        match cause {
+            Cause::PoseStale => !seen.poses_within(self.limits.pose_hold),
+            Cause::ModelNotConverged => !seen.model_converged,
+            Cause::FieldModelInvalid => !seen.field_valid,
+            Cause::Overruns => self.overruns.level > 0.5 * self.overruns.capacity,
+            Cause::FeedbackStale => seen.fresh_driver(self.limits.feedback_stop).is_none(),
+            Cause::DescriptionMismatch => seen.description_mismatch,
+            Cause::RampTimeout => !self.is_at_rest(seen),
+            Cause::DriverFault => driver.is_none_or(|driver| driver.fault != 0),
+            Cause::OverCurrent => driver.is_none_or(|driver| driver.over_current),
+            _ => false,
+        }
+    }
+
+    /// True when fresh feedback shows no current in any coil.
+    #[must_use]
+    pub fn is_at_rest(&self, seen: &Observation) -> bool {
+        let driver = seen.fresh_driver(self.limits.feedback_stop);
+        driver.is_some_and(|driver| driver.current_max < self.limits.ramp_done)
+    }
+
+    /// The limits in force.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+}
+
+fn model_cause(seen: &Observation) -> Cause {
+    if seen.field_valid { Cause::ModelNotConverged } else { Cause::FieldModelInvalid }
+}
+
+/// Begin of an unbroken run of `wrong`.
+fn since(begin: Option<Stamp>, wrong: bool, now: Stamp) -> Option<Stamp> {
+    if wrong { begin.or(Some(now)) } else { None }
+}
+
+fn lasted(begin: Option<Stamp>, now: Stamp, limit: Duration) -> bool {
+    begin.is_some_and(|begin| now.since(begin) > limit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::OverrunBucket;
+
+    /// Limits of the shipped files at 1 kHz: half of all periods over 400 ms.
+    fn bucket() -> OverrunBucket {
+        OverrunBucket { fraction: 0.5, capacity: 200.0, level: 0.0 }
+    }
+
+    /// Runs `cycles` cycles that each miss `missed` periods; true when the bucket filled.
+    fn fills(bucket: &mut OverrunBucket, cycles: u32, missed: u64) -> bool {
+        (0..cycles).any(|_| {
+            bucket.take(missed);
+            bucket.is_full()
+        })
+    }
+
+    #[test]
+    fn pauses_of_50_ms_now_and_then_do_not_trip() {
+        let mut bucket = bucket();
+        for _ in 0..100 {
+            assert!(!fills(&mut bucket, 1, 50));
+            assert!(!fills(&mut bucket, 100, 0));
+        }
+    }
+
+    #[test]
+    fn a_loop_that_misses_a_third_for_ever_does_not_trip() {
+        let mut bucket = bucket();
+        for _ in 0..10_000 {
+            assert!(!fills(&mut bucket, 1, 1));
+            assert!(!fills(&mut bucket, 1, 0));
+        }
+    }
+
+    #[test]
+    fn a_loop_that_misses_nine_of_ten_trips_within_half_a_second() {
+        // 10 periods a cycle, so that 50 cycles are half a second.
+        assert!(fills(&mut bucket(), 50, 9));
+    }
+
+    #[test]
+    fn a_stall_as_long_as_the_window_trips_at_once() {
+        assert!(fills(&mut bucket(), 1, 402));
+        assert!(!fills(&mut bucket(), 1, 390));
+    }
+}

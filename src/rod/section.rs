@@ -1,0 +1,391 @@
+//! A flexible section: one Runge-Kutta step of the rod's equations and its exact linearisation.
+//!
+//! # Equations
+//! A Cosserat rod under gravity, in world axes, `'` = d/ds:
+//! ```text
+//! p'  = v = (1 + b (t.n)) t + n / GA            (r1)   b = 1/EA - 1/GA; v = t for a Kirchhoff section
+//! n'  = -rhoA g                                 (r2)   so n is linear in s and known in closed form
+//! m'  = -v x n = (1 + b (t.n)) n x t            (r3)   since n x n = 0
+//! di' = w x di                                  (r4)
+//! w   = m / EI + (1/GJ - 1/EI) (t.m) t + R u*   (r5)   equal bending stiffness about both transverse axes
+//! ```
+//! (r5) inserted in (r4): `t' = m x t / EI - u1 d2 + u2 d1`, so that position, tangent, force and moment of a
+//! straight section close on themselves: twist needs no room in their sensitivities.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | s, h | arc length, its step, m |
+//! | p, t, d1, d2 | position; tangent and transverse axes, columns of R |
+//! | n, m | internal force and moment, N, N m |
+//! | u*  | curvature and twist of the unloaded section, body axes, 1/m |
+//! | EI, GJ, GA, EA, rhoA | stiffnesses, mass per length |
+//!
+//! # Scaled variables
+//! With `mu = m h / (2 EI)`, `nu = n h^2 / (4 EI)` and rates per half a step, every constant factor leaves the
+//! four stages of the classical Runge-Kutta step:
+//! ```text
+//! rates:  T = mu x t - u1 d2 + u2 d1      M = sigma nu x t      sigma = 1 + b' (t.nu)          (r6)
+//!         D = mu x d1 + (c' (t.mu) + u3) d2 - u2 t              P = sigma t + a' nu
+//! y2 = y + f(y),  y3 = y + f(y2),  y4 = y + 2 f(y3),  y+ = (y2 + 2 y3 + y4 - y)/3 + f(y4)/3     (r7)
+//! ```
+//! (r7) is the classical scheme, rearranged so that no stage's rate has to be kept.
+
+use magsteer_hal::description::SectionDescription;
+
+use crate::math::{Pair, Triple};
+
+use super::state::State;
+
+/// Constants of a section cut into equal steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Section {
+    /// Number of steps.
+    pub segments: usize,
+    /// Length, m.
+    pub length: f64,
+    /// Bending stiffness, N m^2.
+    pub bending_stiffness: f64,
+    /// Mass per unit length, kg/m.
+    pub mass_per_length: f64,
+    /// Half of a step, m.
+    pub(super) half_step: f64,
+    /// `mu / m`.
+    pub(super) moment_scale: f64,
+    /// `nu / n`.
+    pub(super) force_scale: f64,
+    /// `c' = EI/GJ - 1`.
+    twist: f64,
+    /// `b'`.
+    stretch: f64,
+    /// `a'`.
+    shear: f64,
+    /// `u*` times half a step.
+    curvature: Triple,
+    /// True when it can stretch and shear.
+    pub extensible: bool,
+    /// True when it is precurved or pretwisted.
+    pub curved: bool,
+}
+
+impl Section {
+    /// Cuts a section into the fewest equal steps that are no longer than `segment_length_max` (m).
+    #[must_use]
+    pub fn new(description: &SectionDescription, segment_length_max: f64) -> Self {
+        // A length that is a multiple of the step up to rounding must not get a step more.
+        let segments = ((description.length / segment_length_max) * (1.0 - 1e-12)).ceil().max(1.0);
+        let step = description.length / segments;
+        let stiffness = description.bending_stiffness;
+        let force_scale = step * step / (4.0 * stiffness);
+        let (stretch, shear) = description.extensible.map_or((0.0, 0.0), |extensible| {
+            let compliance = 1.0 / extensible.shear;
+            ((1.0 / extensible.axial - compliance) / force_scale, compliance / force_scale)
+        });
+        Self {
+            segments: segments as usize,
+            length: description.length,
+            bending_stiffness: stiffness,
+            mass_per_length: description.mass_per_length,
+            half_step: 0.5 * step,
+            moment_scale: step / (2.0 * stiffness),
+            force_scale,
+            twist: stiffness / description.torsion_stiffness - 1.0,
+            stretch,
+            shear,
+            curvature: Triple::from(description.precurvature).scaled(0.5 * step),
+            extensible: description.extensible.is_some(),
+            curved: description.precurvature.iter().any(|component| *component != 0.0),
+        }
+    }
+
+    /// Scaled state at the start of the section.
+    #[inline(always)]
+    pub(super) fn enter(&self, state: &State) -> Node {
+        Node {
+            t: state.frame.tangent,
+            d1: state.frame.d1,
+            mu: state.moment.scaled(self.moment_scale),
+            nu: state.force.scaled(self.force_scale),
+        }
+    }
+
+    /// By how much `nu` falls over half a step under `gravity` (m/s^2).
+    #[inline(always)]
+    pub(super) fn weight_of_half_step(&self, gravity: Triple) -> Triple {
+        gravity.scaled(self.mass_per_length * self.half_step * self.force_scale)
+    }
+
+    /// One Runge-Kutta step (r7): moves `node`, adds three times the travel in half steps to `travel`,
+    /// and returns the stages' linearisation.
+    #[inline(always)]
+    pub(super) fn step<const EXTENSIBLE: bool, const CURVED: bool>(
+        &self,
+        node: &mut Node,
+        travel: &mut Triple,
+        weight: Triple,
+    ) -> [Stage; 4] {
+        let y1 = *node;
+        let nu_middle = y1.nu - weight;
+        let nu_end = nu_middle - weight; // (r2)
+        let f1 = self.rates::<EXTENSIBLE, CURVED>(&y1);
+        let y2 = y1.moved(&f1, 1.0, nu_middle);
+        let f2 = self.rates::<EXTENSIBLE, CURVED>(&y2);
+        let y3 = y1.moved(&f2, 1.0, nu_middle);
+        let f3 = self.rates::<EXTENSIBLE, CURVED>(&y3);
+        let y4 = y1.moved(&f3, 2.0, nu_end);
+        let f4 = self.rates::<EXTENSIBLE, CURVED>(&y4);
+        *node = Node {
+            t: combine(y1.t, y2.t, y3.t, y4.t, f4.t),
+            d1: combine(y1.d1, y2.d1, y3.d1, y4.d1, f4.d1),
+            mu: combine(y1.mu, y2.mu, y3.mu, y4.mu, f4.mu),
+            nu: nu_end,
+        };
+        *travel = *travel + (f1.p + f4.p) + (f2.p + f3.p).scaled(2.0);
+        [
+            self.stage::<EXTENSIBLE>(&y1, &f1, 1.0, 1.0),
+            self.stage::<EXTENSIBLE>(&y2, &f2, 1.0, 2.0),
+            self.stage::<EXTENSIBLE>(&y3, &f3, 2.0, 2.0),
+            self.stage::<EXTENSIBLE>(&y4, &f4, 1.0 / 3.0, 1.0),
+        ]
+    }
+
+    /// The rates (r6).
+    #[inline(always)]
+    fn rates<const EXTENSIBLE: bool, const CURVED: bool>(&self, y: &Node) -> Rates {
+        let d2 = y.t.cross(y.d1);
+        let lateral = y.nu.cross(y.t);
+        let mut rates = Rates {
+            p: y.t,
+            t: y.mu.cross(y.t),
+            d1: y.mu.cross(y.d1),
+            mu: lateral,
+            d2,
+            sigma: 1.0,
+            torsion: self.twist * y.t.dot(y.mu),
+            lateral,
+        };
+        if EXTENSIBLE {
+            rates.sigma = 1.0 + self.stretch * y.t.dot(y.nu);
+            rates.mu = lateral.scaled(rates.sigma);
+            rates.p = y.t.scaled(rates.sigma) + y.nu.scaled(self.shear);
+        }
+        if CURVED {
+            let Triple { x: u1, y: u2, z: u3 } = self.curvature;
+            rates.t = rates.t + y.d1.scaled(u2) - d2.scaled(u1);
+            rates.torsion += u3;
+            rates.d1 = rates.d1 - y.t.scaled(u2);
+        }
+        rates.d1 = rates.d1 + d2.scaled(rates.torsion);
+        rates
+    }
+
+    /// Linearisation of the rates at `y`, times `factor`; that of the travel times `weight`.
+    #[inline(always)]
+    fn stage<const EXTENSIBLE: bool>(&self, y: &Node, f: &Rates, factor: f64, weight: f64) -> Stage {
+        let unit = self.force_scale;
+        let t = y.t;
+        let mut m_by_force = units_cross(t, unit * factor * f.sigma);
+        let mut p_by_force = [Triple::default(); 3];
+        if EXTENSIBLE {
+            let stretch = unit * self.stretch;
+            let [shear_x, shear_y, shear_z] = diagonal(weight * unit * self.shear);
+            for (column, along) in m_by_force.iter_mut().zip(t.array()) {
+                *column = *column + f.lateral.scaled(factor * stretch * along);
+            }
+            p_by_force = [
+                t.scaled(weight * stretch * t.x) + shear_x,
+                t.scaled(weight * stretch * t.y) + shear_y,
+                t.scaled(weight * stretch * t.z) + shear_z,
+            ];
+        }
+        Stage {
+            t_factor: t.scaled(factor).splat(),
+            mu_factor: y.mu.scaled(factor).splat(),
+            nu_factor: y.nu.scaled(factor * f.sigma).splat(),
+            m_by_force: in_pairs(m_by_force),
+            p_by_force: in_pairs(p_by_force),
+            stretch_nu: y.nu.scaled(self.stretch).splat(),
+            lateral: f.lateral.scaled(factor).splat(),
+            t_weight: t.scaled(weight).splat(),
+            sigma_weight: Pair::splat(f.sigma * weight),
+            t: t.splat(),
+            d1: y.d1.splat(),
+            d2: f.d2.splat(),
+            d1_factor: y.d1.scaled(factor).splat(),
+            twist: Pair::splat(self.twist),
+            torsion: Pair::splat(f.torsion * factor),
+            u1: Pair::splat(self.curvature.x * factor),
+            u2: Pair::splat(self.curvature.y * factor),
+        }
+    }
+}
+
+/// Scaled state within a section.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Node {
+    pub t: Triple,
+    pub d1: Triple,
+    pub mu: Triple,
+    pub nu: Triple,
+}
+
+impl Node {
+    #[inline(always)]
+    fn moved(&self, f: &Rates, factor: f64, nu: Triple) -> Self {
+        Self {
+            t: self.t + f.t.scaled(factor),
+            d1: self.d1 + f.d1.scaled(factor),
+            mu: self.mu + f.mu.scaled(factor),
+            nu,
+        }
+    }
+}
+
+/// Rates per half a step and what they are made of.
+struct Rates {
+    p: Triple,
+    t: Triple,
+    d1: Triple,
+    mu: Triple,
+    d2: Triple,
+    sigma: f64,
+    torsion: f64,
+    /// `nu x t`
+    lateral: Triple,
+}
+
+/// Linearisation of the rates at one stage, every number twice: for the two columns of a pair.
+/// Each sort of section reads its own part; the compiler drops the rest.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stage {
+    t_factor: Triple<Pair>,
+    mu_factor: Triple<Pair>,
+    nu_factor: Triple<Pair>,
+    /// Pairs (x, y) and (z, none) of unit forces.
+    m_by_force: [Triple<Pair>; 2],
+    p_by_force: [Triple<Pair>; 2],
+    stretch_nu: Triple<Pair>,
+    lateral: Triple<Pair>,
+    t_weight: Triple<Pair>,
+    sigma_weight: Pair,
+    t: Triple<Pair>,
+    d1: Triple<Pair>,
+    d2: Triple<Pair>,
+    d1_factor: Triple<Pair>,
+    twist: Pair,
+    torsion: Pair,
+    u1: Pair,
+    u2: Pair,
+}
+
+/// Variations of the scaled state, two columns at a time; `p` is three times the travel in half steps.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Column {
+    pub p: Triple<Pair>,
+    pub t: Triple<Pair>,
+    pub mu: Triple<Pair>,
+    pub d1: Triple<Pair>,
+}
+
+impl Column {
+    /// The step (r7), linearised. `FORCE` is the pair of unit forces that these columns belong to: 0 for (x, y),
+    /// 1 for (z, none), anything else for none. `FULL` carries the variation of d1.
+    #[inline(always)]
+    pub(super) fn step<const EXTENSIBLE: bool, const FULL: bool, const CURVED: bool, const FORCE: usize>(
+        &mut self,
+        stages: &[Stage; 4],
+    ) {
+        let y1 = *self;
+        let k1 = y1.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[0]);
+        let y2 = y1.moved::<FULL>(&k1);
+        let k2 = y2.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[1]);
+        let y3 = y1.moved::<FULL>(&k2);
+        let k3 = y3.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[2]);
+        let y4 = y1.moved::<FULL>(&k3);
+        let k4 = y4.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[3]);
+        self.p = if EXTENSIBLE {
+            y1.p + (k1.p + k2.p) + (k3.p + k4.p)
+        } else {
+            let middle = y2.t + y3.t;
+            y1.p + (y1.t + y4.t) + (middle + middle)
+        };
+        self.t = combine_columns(y1.t, y2.t, y3.t, y4.t, k4.t);
+        self.mu = combine_columns(y1.mu, y2.mu, y3.mu, y4.mu, k4.mu);
+        if FULL {
+            self.d1 = combine_columns(y1.d1, y2.d1, y3.d1, y4.d1, k4.d1);
+        }
+    }
+
+    /// The rates (r6), linearised.
+    #[inline(always)]
+    fn rates<const EXTENSIBLE: bool, const FULL: bool, const CURVED: bool, const FORCE: usize>(
+        &self,
+        at: &Stage,
+    ) -> Self {
+        let mut t = self.mu.cross(at.t_factor) + at.mu_factor.cross(self.t);
+        let mut mu = at.nu_factor.cross(self.t);
+        let mut p = Triple::default();
+        let mut d1 = Triple::default();
+        if FORCE < 2 {
+            mu = mu + at.m_by_force[FORCE];
+        }
+        if EXTENSIBLE {
+            let sigma = at.stretch_nu.dot(self.t);
+            mu = mu + at.lateral.scaled(sigma);
+            p = at.t_weight.scaled(sigma) + self.t.scaled(at.sigma_weight);
+            if FORCE < 2 {
+                p = p + at.p_by_force[FORCE];
+            }
+        }
+        if FULL {
+            let d2 = self.t.cross(at.d1) + at.t.cross(self.d1);
+            let torsion = at.twist * (self.t.dot(at.mu_factor) + at.t_factor.dot(self.mu));
+            d1 = self.mu.cross(at.d1_factor) + at.mu_factor.cross(self.d1);
+            d1 = d1 + at.d2.scaled(torsion) + d2.scaled(at.torsion);
+            if CURVED {
+                t = t + self.d1.scaled(at.u2) - d2.scaled(at.u1);
+                d1 = d1 - self.t.scaled(at.u2);
+            }
+        }
+        Self { p, t, mu, d1 }
+    }
+
+    #[inline(always)]
+    fn moved<const FULL: bool>(&self, k: &Self) -> Self {
+        let d1 = if FULL { self.d1 + k.d1 } else { self.d1 };
+        Self { p: self.p, t: self.t + k.t, mu: self.mu + k.mu, d1 }
+    }
+}
+
+#[inline(always)]
+fn combine(y1: Triple, y2: Triple, y3: Triple, y4: Triple, f4: Triple) -> Triple {
+    ((y2 + y3) + (y3 + y4) - y1 + f4).scaled(1.0 / 3.0) // (r7)
+}
+
+/// As [`combine`], with a last rate that has its third already.
+#[inline(always)]
+fn combine_columns(
+    y1: Triple<Pair>,
+    y2: Triple<Pair>,
+    y3: Triple<Pair>,
+    y4: Triple<Pair>,
+    k4: Triple<Pair>,
+) -> Triple<Pair> {
+    ((y2 + y3) + (y3 + y4) - y1).scaled(Pair::splat(1.0 / 3.0)) + k4
+}
+
+/// `factor e_k x t` for the three unit vectors.
+#[inline(always)]
+fn units_cross(t: Triple, factor: f64) -> [Triple; 3] {
+    let t = t.scaled(factor);
+    [Triple::new(0.0, -t.z, t.y), Triple::new(t.z, 0.0, -t.x), Triple::new(-t.y, t.x, 0.0)]
+}
+
+#[inline(always)]
+fn diagonal(entry: f64) -> [Triple; 3] {
+    [Triple::new(entry, 0.0, 0.0), Triple::new(0.0, entry, 0.0), Triple::new(0.0, 0.0, entry)]
+}
+
+#[inline(always)]
+fn in_pairs([x, y, z]: [Triple; 3]) -> [Triple<Pair>; 2] {
+    [Triple::of_columns(x, y), Triple::of_columns(z, Triple::default())]
+}

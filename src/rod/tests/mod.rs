@@ -1,0 +1,8 @@
+//! Tests of the layer: reference cases made by independent tools, derivatives against differences of full
+//! re-solves, invariants of the mechanics, and the outcomes of solves.
+
+mod fixtures;
+mod invariants;
+mod jacobian;
+mod reference;
+mod solving;

@@ -1,0 +1,377 @@
+//! Mistyped configurations: each is refused with its file, line, value and what would be right.
+
+mod right_config;
+
+use magsteer::config::ProblemKind;
+use right_config::{RIGHT, STEERING, line_of, refused};
+
+/// One change to [`RIGHT`], and what the refusal must say.
+struct Case {
+    claim: &'static str,
+    /// Text to be replaced, and by what.
+    change: (&'static str, &'static str),
+    /// Text on the line that must be named.
+    line: &'static str,
+    kind: ProblemKind,
+    key: &'static str,
+    /// Part of the value that must be quoted.
+    value: &'static str,
+    /// Part of what must be given as right.
+    expected: &'static str,
+}
+
+use ProblemKind::{Missing, Syntax, UnknownKey, Value};
+
+#[rustfmt::skip]
+const CASES: &[Case] = &[
+    Case { claim: "an unknown key is refused and the near one suggested",
+        change: ("distance_mm = 100.0", "distance = 100.0\ndistance_mm = 100.0"), line: "distance = 100.0",
+        kind: UnknownKey, key: "coils[0].distance", value: "100.0", expected: "did you mean `distance_mm`?" },
+    Case { claim: "an unknown table is refused and the near one suggested",
+        change: ("[rig]", "[deamon]\nrate_hz = 1000.0\n\n[rig]"), line: "[deamon]",
+        kind: UnknownKey, key: "deamon", value: "[deamon]", expected: "did you mean `daemon`?" },
+    Case { claim: "an unknown key in an inline table is refused",
+        change: ("extensible = false", "extensible = false, color = \"red\""), line: "color = ",
+        kind: UnknownKey, key: "manipulator.parts[0].section.color", value: "\"red\"", expected: "one of material, length_mm" },
+    Case { claim: "an unknown part is refused",
+        change: ("magnet = {", "magnets = {"), line: "magnets = {",
+        kind: UnknownKey, key: "manipulator.parts[1].magnets", value: "{ name = \"m1\"", expected: "did you mean `magnet`?" },
+    Case { claim: "a missing key is named with its table's line",
+        change: ("inductance_h = 0.1\n", ""), line: "[coil_types.air]",
+        kind: Missing, key: "coil_types.air.inductance_h", value: "", expected: "given in `coil_types.air`" },
+    Case { claim: "a missing table is named",
+        change: ("[rig]\nname", "[rig_]\nname"), line: "",
+        kind: Missing, key: "rig", value: "", expected: "given in the file" },
+    Case { claim: "a text in place of a number is refused",
+        change: ("resistance_ohm = 5.0", "resistance_ohm = \"5 ohm\""), line: "resistance_ohm",
+        kind: Value, key: "coil_types.air.resistance_ohm", value: "\"5 ohm\"", expected: "a number" },
+    Case { claim: "a number in place of a text is refused",
+        change: ("type = \"air\"", "type = 1"), line: "type = 1",
+        kind: Value, key: "coils[0].type", value: "1", expected: "a text in quotes" },
+    Case { claim: "a number in place of a boolean is refused",
+        change: ("extensible = false", "extensible = 0"), line: "extensible = 0",
+        kind: Value, key: "manipulator.parts[0].section.extensible", value: "0", expected: "true or false" },
+    Case { claim: "a vector of two components is refused",
+        change: ("gravity_m_per_s2 = [0.0, 0.0, -9.81]", "gravity_m_per_s2 = [0.0, -9.81]"), line: "gravity_m_per_s2",
+        kind: Value, key: "rig.gravity_m_per_s2", value: "[0.0, -9.81]", expected: "an array of 3 numbers" },
+    Case { claim: "a vector of four components is refused",
+        change: ("base_tangent = [1.0, 0.0, 0.0]", "base_tangent = [1.0, 0.0, 0.0, 0.0]"), line: "base_tangent",
+        kind: Value, key: "manipulator.base_tangent", value: "[1.0, 0.0, 0.0, 0.0]", expected: "not of 4" },
+    Case { claim: "an array in place of a table is refused",
+        change: ("[[coils]]", "[coils]"), line: "[coils]",
+        kind: Value, key: "coils", value: "[coils]", expected: "an array" },
+    Case { claim: "a part with a section and a magnet is refused",
+        change: ("[[manipulator.parts]]\nmagnet", "magnet"), line: "[[manipulator.parts]]",
+        kind: Value, key: "manipulator.parts[0]", value: "", expected: "exactly one of section, stiffness_section, magnet" },
+    Case { claim: "a negative limit is refused",
+        change: ("current_max_a = 8.0", "current_max_a = -8.0"), line: "current_max_a",
+        kind: Value, key: "coil_types.air.current_max_a", value: "-8", expected: "> 0" },
+    Case { claim: "a slew limit that is not a number is refused",
+        change: ("slew_max_a_per_s = 300.0", "slew_max_a_per_s = nan"), line: "slew_max_a_per_s",
+        kind: Value, key: "coil_types.air.slew_max_a_per_s", value: "NaN", expected: "finite and > 0" },
+    Case { claim: "an infinite workspace is refused",
+        change: ("workspace_diameter_mm = 110.0", "workspace_diameter_mm = inf"), line: "workspace_diameter_mm",
+        kind: Value, key: "rig.workspace_diameter_mm", value: "inf", expected: "finite" },
+    Case { claim: "a coefficient that is not a number is refused",
+        change: ("[6.4e-7, 1.9e-8]", "[6.4e-7, nan]"), line: "coefficients_si",
+        kind: Value, key: "coil_types.air.coefficients_si", value: "NaN", expected: "finite" },
+    Case { claim: "a coil without coefficients is refused",
+        change: ("[6.4e-7, 1.9e-8]", "[]"), line: "coefficients_si",
+        kind: Value, key: "coil_types.air.coefficients_si", value: "0 coefficients", expected: "1 to 10" },
+    Case { claim: "a series of order eleven is refused",
+        change: ("[6.4e-7, 1.9e-8]", "[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]"), line: "coefficients_si",
+        kind: Value, key: "coil_types.air.coefficients_si", value: "11 coefficients", expected: "1 to 10" },
+    Case { claim: "a length of zero is refused",
+        change: ("length_mm = 25.0", "length_mm = 0.0"), line: "length_mm = 0.0",
+        kind: Value, key: "manipulator.parts[0].section.length_mm", value: "0", expected: "> 0" },
+    Case { claim: "a negative diameter is refused",
+        change: ("length_mm = 4.0, diameter_mm = 2.0", "length_mm = 4.0, diameter_mm = -2.0"), line: "diameter_mm = -2.0",
+        kind: Value, key: "manipulator.parts[1].magnet.diameter_mm", value: "-2", expected: "> 0" },
+    Case { claim: "a Poisson's ratio above one half is refused",
+        change: ("poisson_ratio = 0.45", "poisson_ratio = 0.6"), line: "poisson_ratio",
+        kind: Value, key: "manipulator.materials.rubber.poisson_ratio", value: "0.6", expected: "from 0 to 0.5" },
+    Case { claim: "a negative density is refused",
+        change: ("density_kg_per_m3 = 1030.0", "density_kg_per_m3 = -1.0"), line: "density_kg_per_m3 = -1.0",
+        kind: Value, key: "manipulator.materials.rubber.density_kg_per_m3", value: "-1", expected: ">= 0" },
+    Case { claim: "an elevation beyond the zenith is refused",
+        change: ("elevation_deg = -30.0", "elevation_deg = -120.0"), line: "elevation_deg",
+        kind: Value, key: "coils[0].elevation_deg", value: "-120", expected: "from -90 to 90" },
+    Case { claim: "a range of angles that is upside down is refused",
+        change: ("angle_max_deg = 180.0", "angle_max_deg = -181.0"), line: "angle_max_deg",
+        kind: Value, key: "frames[0].angle_max_deg", value: "-181", expected: "from -180 to 360" },
+    Case { claim: "an axis of length zero is refused",
+        change: ("axis = [0.0, 0.0, 1.0]", "axis = [0.0, 0.0, 0.0]"), line: "axis = ",
+        kind: Value, key: "frames[0].axis", value: "[0.0, 0.0, 0.0]", expected: "other than zero" },
+    Case { claim: "an unknown frame is refused and the known ones named",
+        change: ("frame = \"bottom\"", "frame = \"side\""), line: "frame = \"side\"",
+        kind: Value, key: "coils[0].frame", value: "side", expected: "bottom" },
+    Case { claim: "an unknown coil type is refused and the known ones named",
+        change: ("type = \"air\"", "type = \"iron\""), line: "type = \"iron\"",
+        kind: Value, key: "coils[0].type", value: "iron", expected: "air" },
+    Case { claim: "an unknown material is refused and the known ones named",
+        change: ("material = \"rubber\"", "material = \"steel\""), line: "material = \"steel\"",
+        kind: Value, key: "manipulator.parts[0].section.material", value: "steel", expected: "rubber" },
+    Case { claim: "a rig's name that cannot name a channel is refused",
+        change: ("name = \"bench\"", "name = \"Bench 1\""), line: "name = \"Bench 1\"",
+        kind: Value, key: "rig.name", value: "Bench 1", expected: "lower-case letters, digits and hyphens" },
+    Case { claim: "a magnet outside the workspace is refused with its place",
+        change: ("workspace_diameter_mm = 110.0", "workspace_diameter_mm = 5.0"), line: "magnet = {",
+        kind: Value, key: "manipulator.parts[1].magnet", value: "(-3, 0, 0) mm", expected: "at most 2.5 mm from (0, 0, 0) mm" },
+    Case { claim: "a magnet outside the range of a coil's model is refused with the coil",
+        change: ("distance_mm = 100.0", "distance_mm = 45.0"), line: "magnet = {",
+        kind: Value, key: "manipulator.parts[1].magnet", value: "(-3, 0, 0) mm", expected: "coil \"left\": at least 43 mm" },
+    Case { claim: "a manipulator without a flexible section is refused",
+        change: ("section = { material = \"rubber\", length_mm = 25.0, diameter_mm = 2.0, extensible = false }",
+            "magnet = { name = \"m0\", length_mm = 4.0, diameter_mm = 2.0, density_kg_per_m3 = 7500.0, moment_body_a_m2 = [0.0, 0.0, 0.01] }"),
+        line: "[[manipulator.parts]]",
+        kind: Value, key: "manipulator.parts", value: "no section", expected: "at least one flexible section" },
+    Case { claim: "a key given twice is refused",
+        change: ("base_roll_deg = 0.0", "base_roll_deg = 0.0\nbase_roll_deg = 1.0"), line: "base_roll_deg = 1.0",
+        kind: Syntax, key: "", value: "base_roll_deg", expected: "duplicate key" },
+    Case { claim: "a text without its closing quote is refused",
+        change: ("name = \"left\"", "name = \"left"), line: "name = \"left",
+        kind: Syntax, key: "", value: "", expected: "expected `\"`" },
+    Case { claim: "an integer beyond 64 bits is refused",
+        change: ("supply_v = 48.0", "supply_v = 99999999999999999999"), line: "supply_v",
+        kind: Value, key: "coil_types.air.supply_v", value: "99999999999999999999", expected: "64 bits" },
+];
+
+#[rustfmt::skip]
+const STEERING_CASES: &[Case] = &[
+    Case { claim: "a rate above the range is refused with the range",
+        change: ("rate_hz = 1000.0\ncommand", "rate_hz = 50000.0\ncommand"), line: "rate_hz = 50000.0",
+        kind: Value, key: "daemon.rate_hz", value: "50000", expected: "from 50 to 10000" },
+    Case { claim: "a rate below the range is refused with the range",
+        change: ("rate_hz = 1000.0\ncommand", "rate_hz = 49.0\ncommand"), line: "rate_hz = 49.0",
+        kind: Value, key: "daemon.rate_hz", value: "49", expected: "from 50 to 10000" },
+    Case { claim: "a time-out shorter than the one before it is refused",
+        change: ("pose_stop_ms = 250.0", "pose_stop_ms = 40.0"), line: "pose_stop_ms",
+        kind: Value, key: "daemon.pose_stop_ms", value: "40", expected: "above pose_hold_ms = 50" },
+    Case { claim: "an unknown word is refused and the known ones named",
+        change: ("\"best-effort\"", "\"best-efort\""), line: "realtime",
+        kind: Value, key: "daemon.realtime", value: "\"best-efort\"", expected: "best-effort, enforce; did you mean `best-effort`?" },
+    Case { claim: "a priority that the kernel does not have is refused",
+        change: ("priority = 80", "priority = 100"), line: "priority",
+        kind: Value, key: "daemon.priority", value: "100", expected: "from 1 to 99" },
+    Case { claim: "a fraction of a whole number is refused",
+        change: ("priority = 80", "priority = 80.5"), line: "priority",
+        kind: Value, key: "daemon.priority", value: "80.5", expected: "a whole number" },
+    Case { claim: "a negative whole number is refused",
+        change: ("priority = 80", "priority = 80\ncpu = -1"), line: "cpu = -1",
+        kind: Value, key: "daemon.cpu", value: "-1", expected: "a whole number from 0" },
+    Case { claim: "a mesh without a step is refused",
+        change: ("segment_length_max_mm = 3.2", "segment_length_max_mm = 0.0"), line: "segment_length_max_mm",
+        kind: Value, key: "rod.segment_length_max_mm", value: "0", expected: "finite and > 0" },
+    Case { claim: "a tolerance below rounding is refused",
+        change: ("residual_tolerance = 1e-10", "residual_tolerance = 1e-20"), line: "residual_tolerance",
+        kind: Value, key: "rod.residual_tolerance", value: "0.00000000000000000001", expected: "from 0.00000000000001 to 0.01" },
+    Case { claim: "a gain of zero is refused",
+        change: ("proportional_per_s = 5.0", "proportional_per_s = 0.0"), line: "proportional_per_s",
+        kind: Value, key: "control.proportional_per_s", value: "0", expected: "from 0.001 to 1000" },
+    Case { claim: "an unknown law is refused and the known ones named",
+        change: ("\"bounded\"", "\"pseudoinverse\""), line: "allocation",
+        kind: Value, key: "control.allocation", value: "\"pseudoinverse\"", expected: "one of bounded, truncated-svd" },
+    Case { claim: "a missing time-out has no hidden default",
+        change: ("model_stop_ms = 250.0\n", ""), line: "[daemon]",
+        kind: Missing, key: "daemon.model_stop_ms", value: "", expected: "given in `daemon`" },
+];
+
+/// Each case with the right text that it changes.
+fn cases() -> impl Iterator<Item = (&'static Case, String)> {
+    let steering = || format!("{RIGHT}{STEERING}");
+    CASES
+        .iter()
+        .map(|case| (case, RIGHT.to_owned()))
+        .chain(STEERING_CASES.iter().map(move |case| (case, steering())))
+}
+
+#[test]
+fn the_configuration_that_the_cases_change_is_right() {
+    for (case, right) in cases() {
+        assert_eq!(refused(&right), vec![]);
+        assert_eq!(right.matches(case.change.0).count(), 1, "{}: what it changes stands once", case.claim);
+    }
+}
+
+#[test]
+fn each_mistyped_configuration_is_refused_with_file_line_value_and_range() {
+    assert!(CASES.len() >= 25);
+    for (case, right) in cases() {
+        let claim = case.claim;
+        let text = right.replace(case.change.0, case.change.1);
+        let problems = refused(&text);
+        let found = problems.iter().find(|problem| problem.problem == case.kind && problem.key == case.key);
+        let problem = found.unwrap_or_else(|| panic!("{claim}: not among {problems:#?}"));
+        assert!(problem.value.contains(case.value), "{claim}: {problem:?}");
+        assert!(problem.expected.contains(case.expected), "{claim}: {problem:?}");
+        let line = line_of(&text, case.line);
+        assert_eq!(problem.line, line, "{claim}: {problem:?}");
+        let message = problem.to_string();
+        for part in [&format!("bench.toml:{line}:"), case.key, case.value, case.expected] {
+            assert!(message.contains(part), "{claim}: {part:?} is not in {message:?}");
+        }
+    }
+}
+
+#[test]
+fn one_mistake_gives_one_problem() {
+    // Elsewhere one change breaks two things: a renamed key is unknown and missing, for one.
+    let twofold = ["rig", "manipulator.parts"];
+    for (case, right) in cases().filter(|(case, _)| !twofold.contains(&case.key) && case.kind != Syntax) {
+        let problems = refused(&right.replace(case.change.0, case.change.1));
+        assert_eq!(problems.len(), 1, "{}: {problems:#?}", case.claim);
+    }
+}
+
+#[test]
+fn all_problems_of_a_file_are_reported_at_once() {
+    let text = RIGHT
+        .replace("name = \"bench\"", "nmae = \"bench\"")
+        .replace("current_max_a = 8.0", "current_max_a = \"much\"")
+        .replace("supply_v = 48.0\n", "")
+        .replace("base_roll_deg = 0.0", "base_roll_deg = [0.0]")
+        .replace("magnet = { name = \"m1\"", "magnet = { nmae = \"m1\"")
+        .replace("density_kg_per_m3 = 1030.0", "density_kg_per_m3 = true");
+    let keys: Vec<String> = refused(&text).into_iter().map(|problem| problem.key).collect();
+    let expected = [
+        "rig.name",
+        "rig.nmae",
+        "coil_types.air.supply_v",
+        "coil_types.air.current_max_a",
+        "manipulator.base_roll_deg",
+        "manipulator.materials.rubber.density_kg_per_m3",
+        "manipulator.parts[1].magnet.name",
+        "manipulator.parts[1].magnet.nmae",
+    ];
+    let mut sorted = keys.clone();
+    sorted.sort();
+    let mut all = expected.map(str::to_owned);
+    all.sort();
+    assert_eq!(sorted, all, "in the order reported: {keys:?}");
+}
+
+#[test]
+fn all_values_out_of_range_are_reported_at_once_and_in_the_order_of_the_file() {
+    let text = RIGHT
+        .replace("workspace_diameter_mm = 110.0", "workspace_diameter_mm = -1.0")
+        .replace("supply_v = 48.0", "supply_v = 0.0")
+        .replace("poisson_ratio = 0.45", "poisson_ratio = 0.6")
+        .replace("[[coils]]", "[[coils]]\nsize = 1");
+    // An unknown key and values out of range at once: ranges of a section are checked once its keys are right.
+    let keys: Vec<String> =
+        refused(&text.replace("size = 1\n", "")).into_iter().map(|problem| problem.key).collect();
+    assert_eq!(
+        keys,
+        [
+            "rig.workspace_diameter_mm",
+            "coil_types.air.supply_v",
+            "manipulator.materials.rubber.poisson_ratio"
+        ]
+    );
+    let keys: Vec<String> = refused(&text).into_iter().map(|problem| problem.key).collect();
+    assert_eq!(keys, ["coils[0].size"]);
+}
+
+#[test]
+fn names_given_twice_are_refused() {
+    let coil = &RIGHT[RIGHT.find("[[coils]]").unwrap()..RIGHT.find("[manipulator]").unwrap()];
+    let magnet = &RIGHT[RIGHT.rfind("[[manipulator.parts]]").unwrap()..];
+    let frame = &RIGHT[RIGHT.find("[[frames]]").unwrap()..RIGHT.find("[coil_types.air]").unwrap()];
+    for (added, key, name) in
+        [(coil, "coils", "left"), (magnet, "manipulator.parts", "m1"), (frame, "frames", "bottom")]
+    {
+        let problems = refused(&format!("{RIGHT}\n{added}"));
+        assert_eq!(problems.len(), 1, "{problems:#?}");
+        assert!(problems[0].key.starts_with(key), "{problems:?}");
+        assert!(problems[0].value.contains(name), "{problems:?}");
+        assert!(problems[0].expected.contains("unique"), "{problems:?}");
+        assert!(problems[0].line > 1, "{problems:?}");
+    }
+}
+
+#[test]
+fn more_than_the_capacities_are_refused_with_the_capacity() {
+    let coil = &RIGHT[RIGHT.find("[[coils]]").unwrap()..RIGHT.find("[manipulator]").unwrap()];
+    let frame = &RIGHT[RIGHT.find("[[frames]]").unwrap()..RIGHT.find("[coil_types.air]").unwrap()];
+    // A short magnet, so that nine of them stay inside the workspace.
+    let magnet =
+        &RIGHT[RIGHT.rfind("[[manipulator.parts]]").unwrap()..].replace("length_mm = 4.0", "length_mm = 1.0");
+    for (added, name, count, key, capacity) in [
+        (coil, "left", 33, "coils", "at most 32"),
+        (frame, "bottom", 9, "frames", "at most 8"),
+        (magnet.as_str(), "m1", 9, "manipulator.parts", "at most 8"),
+    ] {
+        let mut text = RIGHT.to_owned();
+        for index in 1..count {
+            text.push_str(&added.replacen(name, &format!("{name}{index}"), 1));
+        }
+        let problems = refused(&text);
+        assert_eq!(problems.len(), 1, "{problems:#?}");
+        assert_eq!(problems[0].key, key);
+        assert!(problems[0].value.contains(&count.to_string()), "{problems:?}");
+        assert!(problems[0].expected.contains(capacity), "{problems:?}");
+        let full = text.replace(&added.replacen(name, &format!("{name}{}", count - 1), 1), "");
+        assert_eq!(refused(&full), vec![], "the capacity itself is allowed");
+    }
+}
+
+#[test]
+fn a_magnet_may_come_first_and_a_coil_may_stand_still() {
+    let magnet = &RIGHT[RIGHT.rfind("[[manipulator.parts]]").unwrap()..].replace("\"m1\"", "\"m0\"");
+    let at = RIGHT.find("[[manipulator.parts]]").unwrap();
+    let text = format!("{}{magnet}\n{}", &RIGHT[..at], &RIGHT[at..]).replace("frame = \"bottom\"\n", "");
+    assert_eq!(refused(&text), vec![]);
+}
+
+/// Goal: whatever stands in place of a value, and whichever line is missing, the answer is a configuration or problems with
+/// places: never a panic.
+#[test]
+fn no_value_and_no_missing_line_escapes_the_checks() {
+    let odd = [
+        "nan",
+        "-inf",
+        "-1",
+        "0",
+        "0.0",
+        "1e308",
+        "-1e308",
+        "5e-324",
+        "9223372036854775807",
+        "\"\"",
+        "\"x\"",
+        "true",
+        "1979-05-27",
+        "[]",
+        "[nan, inf, 0]",
+        "[[1]]",
+        "{}",
+        "{ x = 1 }",
+        "[{}]",
+    ];
+    let right = format!("{RIGHT}{STEERING}");
+    let mut refusals = 0;
+    let mut check = |text: &str, change: &str| {
+        for problem in refused(text) {
+            refusals += 1;
+            assert!(problem.line >= 1 && problem.column >= 1, "{change}: {problem:?}");
+            assert!(!problem.expected.is_empty(), "{change}: {problem:?}");
+            assert!(problem.to_string().starts_with("bench.toml:"), "{change}: {problem}");
+        }
+    };
+    for (at, line) in right.lines().enumerate() {
+        let with = |replacement: &str| {
+            let lines = right.lines().enumerate();
+            lines
+                .map(|(index, line)| if index == at { replacement } else { line })
+                .collect::<Vec<_>>()
+                .join("\n")
+        };
+        check(&with(""), &format!("without {line}"));
+        let Some((key, _)) = line.split_once(" = ") else { continue };
+        for value in odd {
+            let replacement = format!("{key} = {value}");
+            check(&with(&replacement), &replacement);
+        }
+    }
+    assert!(refusals > 1000, "most of these are wrong: {refusals}");
+}

@@ -1,0 +1,236 @@
+//! `magsteer run` as a process, with an ideal driver here and operators as processes: exit codes and printed keys.
+//!
+//! No test judges how long anything took; each waits for a state, bounded only so that a failure ends.
+
+mod ideal_driver;
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use ideal_driver::Driver;
+use magsteer::config::Config;
+use magsteer_hal::channels::Endpoint;
+use magsteer_hal::message::driver_state;
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A rig of its own: root, driver, configuration with limits for a machine that runs many tests at once.
+struct World {
+    root: tempfile::TempDir,
+    file: PathBuf,
+    driver: Driver,
+}
+
+impl World {
+    fn new() -> Self {
+        let root = tempfile::tempdir_in("/dev/shm").expect("shared memory is there");
+        let file = root.path().join("rig.toml");
+        let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
+        let text = format!(
+            "extends = {shipped:?}\n[daemon]\nrate_hz = 500.0\ncommand_validity_ms = 1000.0\npose_hold_ms = 2000.0\n\
+             pose_stop_ms = 4000.0\nfeedback_stop_ms = 2000.0\nmodel_stop_ms = 5000.0\nramp_timeout_ms = 5000.0\n\
+             overrun_fraction = 0.99\noverrun_window_ms = 10000.0\n"
+        );
+        std::fs::write(&file, text).expect("own directory");
+        let (_, config) = Config::load(&file).expect("extends a shipped file");
+        let endpoint = Endpoint::new(&config.description.rig, Some(root.path())).expect("short and own");
+        let driver = Driver::start(&endpoint, config.description);
+        Self { root, file, driver }
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
+        command.args(arguments).arg("--root").arg(self.root.path());
+        command
+    }
+
+    /// Runs an operator's command; `--config` or FILE is in the arguments where needed.
+    fn operator(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().expect("the program is built")
+    }
+
+    /// A request that is repeated until it is accepted: a starved machine may answer late.
+    fn insist(&self, verb: &str) {
+        let file = self.file.to_str().expect("plain");
+        let begin = Instant::now();
+        loop {
+            let output = self.operator(&[verb, file]);
+            if output.status.success() {
+                return;
+            }
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!(begin.elapsed() < PATIENCE, "{verb}: {said}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn status(&self) -> Option<Value> {
+        let output = self.operator(&["status", "--json", self.file.to_str().expect("plain")]);
+        serde_json::from_slice(&output.stdout).ok()
+    }
+
+    fn until(&self, wanted: impl Fn(&Value) -> bool) -> Value {
+        let begin = Instant::now();
+        loop {
+            match self.status() {
+                Some(status) if wanted(&status) => return status,
+                status => assert!(begin.elapsed() < PATIENCE, "{status:?}"),
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+/// `magsteer run` as a child.
+struct Daemon(Child);
+
+impl Daemon {
+    fn start(world: &World, arguments: &[&str]) -> Self {
+        let mut command = world.command(&["run", world.file.to_str().expect("plain"), "--json"]);
+        let command = command.args(arguments).stdin(Stdio::piped());
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+        Self(child.expect("the program is built"))
+    }
+
+    fn signal(&self, signal: Signal) {
+        let pid = Pid::from_child(&self.0);
+        kill_process(pid, signal).expect("the child is there");
+    }
+
+    /// Waits for the end: exit code, what was printed, what was said.
+    fn end(self) -> (Option<i32>, Value, String) {
+        let output = self.0.wait_with_output().expect("a child");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        (output.status.code(), serde_json::from_slice(&output.stdout).unwrap_or(Value::Null), said)
+    }
+}
+
+#[test]
+fn sigint_while_steering_ramps_down_and_ends_with_130() {
+    let world = World::new();
+    let daemon = Daemon::start(&world, &["--arm"]);
+    world.until(|status| status["state"] == "armed");
+    let file = world.file.to_str().expect("plain");
+    let output = world.operator(&["target", "set", "m1=70deg", "m2=110deg", "--config", file, "--json"]);
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("one object");
+    assert_eq!(answer["accepted"], true, "{answer}");
+    world.insist("go");
+    let steers = |status: &Value| {
+        let currents = status["currents_a"].as_array().expect("an array");
+        currents.iter().any(|current| current.as_f64().expect("a number").abs() > 0.5)
+    };
+    let status = world.until(|status| status["state"] == "active" && steers(status));
+    for (target, expected) in status["targets_deg"].as_array().expect("an array").iter().zip([70.0, 110.0]) {
+        assert!((target.as_f64().expect("a number") - expected).abs() < 1e-9, "{status}");
+    }
+    for key in ["cause", "cycle", "rate_hz", "measured_deg", "angles_deg", "pose_age_us", "missed"] {
+        assert!(status.get(key).is_some(), "{key} in {status}");
+    }
+    daemon.signal(Signal::INT);
+    let (code, report, said) = daemon.end();
+    assert_eq!(code, Some(130), "{said}");
+    assert_eq!(report["state"], "idle", "{report}");
+    assert!(report["ramp_down_ms"].as_f64().is_some_and(|duration| duration > 0.0), "{report}");
+    assert!(report["ramp_down_to_a"].as_f64().is_some_and(|current| current < 0.1), "{report}");
+    for key in ["rate_hz", "cycles", "missed", "lateness_us", "execution_us", "pose_to_command_us"] {
+        assert!(report["loop"].get(key).is_some(), "{key} in {report}");
+    }
+    assert!(said.contains("active -> safe-stop: the process was asked to end"), "{said}");
+    assert_eq!(world.driver.end().limit_breaks(), 0);
+}
+
+#[test]
+fn sigterm_while_idle_ends_with_143_and_closed_input_with_0() {
+    let world = World::new();
+    let daemon = Daemon::start(&world, &[]);
+    world.until(|status| status["state"] == "idle");
+    daemon.signal(Signal::TERM);
+    assert_eq!(daemon.end().0, Some(143));
+    let mut daemon = Daemon::start(&world, &["--end-with-stdin"]);
+    world.until(|status| status["state"] == "idle");
+    drop(daemon.0.stdin.take());
+    assert_eq!(daemon.end().0, Some(0));
+    world.driver.end();
+}
+
+#[test]
+fn a_killed_daemon_leaves_coils_at_zero_and_the_next_one_starts() {
+    let world = World::new();
+    let daemon = Daemon::start(&world, &["--arm"]);
+    world.until(|status| status["state"] == "armed");
+    world.insist("go");
+    daemon.signal(Signal::KILL);
+    daemon.end();
+    let begin = Instant::now();
+    while world.driver.state() != driver_state::IDLE {
+        assert!(begin.elapsed() < PATIENCE, "the driver's own watchdog ends it");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let daemon = Daemon::start(&world, &["--arm"]);
+    world.until(|status| status["state"] == "armed");
+    daemon.signal(Signal::TERM);
+    assert_eq!(daemon.end().0, Some(143));
+    world.driver.end();
+}
+
+#[test]
+fn refused_requests_end_with_1_and_name_the_cause() {
+    let world = World::new();
+    let daemon = Daemon::start(&world, &[]);
+    world.until(|status| status["state"] == "idle");
+    let file = world.file.to_str().expect("plain");
+    let output = world.operator(&["go", file, "--json"]);
+    assert_eq!(output.status.code(), Some(1));
+    let answer: Value = serde_json::from_slice(&output.stdout).expect("one object");
+    assert_eq!((&answer["accepted"], &answer["cause_code"]), (&Value::Bool(false), &Value::from(1)));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("not possible in this state"));
+    world.insist("estop");
+    assert_eq!(world.until(|status| status["state"] == "fault")["cause"], "emergency stop");
+    world.insist("reset");
+    // A latched fault at the end is told by the exit code.
+    world.insist("estop");
+    daemon.signal(Signal::INT);
+    let (code, report, _) = daemon.end();
+    assert_eq!((code, &report["state"]), (Some(1), &Value::from("fault")));
+    world.driver.end();
+}
+
+#[test]
+fn without_a_daemon_operators_end_with_69() {
+    let world = World::new();
+    let file = world.file.to_str().expect("plain");
+    for arguments in [vec!["arm", file], vec!["status", file], vec!["stop", "--rig", "bigmag-planar"]] {
+        let output = world.operator(&arguments);
+        assert_eq!(output.status.code(), Some(69), "{arguments:?}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains("no daemon"), "{arguments:?}");
+    }
+    world.driver.end();
+}
+
+#[test]
+fn a_second_daemon_on_a_rig_is_refused() {
+    let world = World::new();
+    let daemon = Daemon::start(&world, &[]);
+    world.until(|status| status["state"] == "idle");
+    let (code, _, said) = Daemon::start(&world, &[]).end();
+    assert_eq!(code, Some(69), "{said}");
+    assert!(said.contains("already has a daemon"), "{said}");
+    daemon.signal(Signal::INT);
+    assert_eq!(daemon.end().0, Some(130));
+    world.driver.end();
+}
+
+#[test]
+fn targets_that_make_no_sense_end_with_2() {
+    let world = World::new();
+    let file = world.file.to_str().expect("plain");
+    for (target, reason) in [("m3=10deg", "m1, m2"), ("m1=70", "with its unit"), ("m1=400deg", "360deg")] {
+        let output = world.operator(&["target", "set", target, "--config", file]);
+        assert_eq!(output.status.code(), Some(2), "{target}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains(reason), "{target}");
+    }
+    world.driver.end();
+}

@@ -1,0 +1,302 @@
+//! Goal: a control cycle allocates nothing, whatever happens in it; over shared memory exactly once for each message sent, which
+//! is the transport's own and a hit of the C library's thread cache.
+//!
+//! Method: a global allocator counts per thread, and only while a cycle runs. Faults, lost sensing, a model that does not
+//! converge, requests that are not finite, stalls, resets and re-arming all happen within the counted cycles.
+#![expect(unsafe_code, reason = "an allocator that counts has no safe form")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::time::Duration;
+
+use magsteer::control::{CycleInput, CycleOutcome, ModelReport, Step};
+use magsteer::daemon::{ControlLoop, CycleRecord, DaemonConfig, LoopOptions, Request, Tick, Verb};
+use magsteer_hal::channels::{DaemonServices, DriverEnd, Endpoint};
+use magsteer_hal::operator::state;
+use magsteer_hal::scripted::{EchoHardware, example_description};
+use magsteer_hal::{
+    Actuation, CoilFeedback, CommandGuard, MagnetPose, POSE_PARAMETERS_MAX, PoseMessage, Stamp,
+};
+use rand::{RngExt, SeedableRng};
+
+const CYCLES: u32 = 10_000;
+const UP: [f64; 3] = [0.0, 0.0, 1.0];
+
+thread_local! {
+    static COUNTING: Cell<bool> = const { Cell::new(false) };
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+fn count() {
+    // A thread that is ending has no counters any more, and runs no cycle.
+    let counting = COUNTING.try_with(Cell::get).unwrap_or(false);
+    if counting {
+        ALLOCATIONS.with(|allocations| allocations.set(allocations.get() + 1));
+    }
+}
+
+// SAFETY: every call goes to the system's allocator unchanged; counting touches two thread-local numbers that
+// need neither allocation nor destruction.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promises are passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Allocations of this thread during `work`.
+fn allocations_in<T>(work: impl FnOnce() -> T) -> (T, u64) {
+    let before = ALLOCATIONS.get();
+    COUNTING.set(true);
+    let result = work();
+    COUNTING.set(false);
+    (result, ALLOCATIONS.get() - before)
+}
+
+/// Asks for currents that change, and fails as told.
+struct Scripted {
+    current: f64,
+    converged: bool,
+}
+
+impl Step for Scripted {
+    fn step(&mut self, input: &CycleInput) -> CycleOutcome {
+        let mut request = input.admitted;
+        if input.engaged {
+            request.current_a[0] = self.current;
+        }
+        CycleOutcome {
+            request,
+            desired: input.target,
+            measured: [UP; 8],
+            predicted: [UP; 8],
+            model: ModelReport {
+                converged: self.converged,
+                residual: 0.0,
+                passes: 1,
+                jacobian_age: 0,
+                field_valid: true,
+                margin: 1.0,
+            },
+            condition: 1.0,
+            saturated: 0,
+        }
+    }
+}
+
+fn daemon_config() -> DaemonConfig {
+    let file = include_str!("../config/bigmag-planar.toml");
+    let table: toml::Table = file.parse().expect("shipped");
+    table["daemon"].clone().try_into().expect("shipped")
+}
+
+/// A verb now and then, so that the loop is armed, steered, held, stopped and reset again and again.
+fn some_verb(random: &mut rand_chacha::ChaCha8Rng) -> Option<Verb> {
+    let verbs = [
+        Verb::Arm,
+        Verb::Go,
+        Verb::Go,
+        Verb::Hold,
+        Verb::Reset,
+        Verb::Stop,
+        Verb::SetTarget([UP; 8]),
+        Verb::EmergencyStop,
+    ];
+    let last = if random.random_bool(0.1) { verbs.len() } else { verbs.len() - 1 };
+    random.random_bool(0.05).then(|| verbs[random.random_range(0..last)])
+}
+
+/// Which states a run went through, by code.
+#[derive(Debug, Default)]
+struct Visited([u32; 7]);
+
+impl Visited {
+    fn note(&mut self, record: &CycleRecord) {
+        self.0[record.decision.state as usize] += 1;
+    }
+
+    fn everywhere(&self) -> bool {
+        (state::IDLE..=state::FAULT).all(|code| self.0[code as usize] > 0)
+    }
+}
+
+#[test]
+fn cycles_with_faults_and_rearming_allocate_nothing() {
+    let description = example_description();
+    let config = daemon_config();
+    let hardware = EchoHardware::new(&description);
+    let controller = Scripted { current: 1.0, converged: true };
+    let mut control_loop =
+        ControlLoop::new(hardware, controller, &description, &config, LoopOptions::default());
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(11);
+    let mut tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
+    let mut visited = Visited::default();
+    for cycle in 0..CYCLES {
+        disturb(&mut random, &mut control_loop);
+        if let Some(verb) = some_verb(&mut random) {
+            control_loop.request(Request { id: cycle, verb }).expect("one request a cycle");
+        }
+        let stall = if random.random_bool(0.001) { random.random_range(2..150) } else { 1 };
+        tick = Tick { missed: u64::from(stall - 1), ..tick.stepped(config.period() * stall) };
+        let (record, allocations) = allocations_in(|| control_loop.cycle(tick));
+        assert_eq!(allocations, 0, "cycle {cycle}: {record:?}");
+        visited.note(&record);
+    }
+    assert!(visited.everywhere(), "the seed must lead through every state: {visited:?}");
+}
+
+fn disturb(random: &mut rand_chacha::ChaCha8Rng, control_loop: &mut ControlLoop<EchoHardware, Scripted>) {
+    if random.random_bool(0.003) {
+        match random.random_range(0..4) {
+            0 => control_loop.hardware_mut().set_silent(true),
+            1 => control_loop.hardware_mut().set_fault(1),
+            2 => control_loop.controller_mut().converged = false,
+            _ => control_loop.controller_mut().current = f64::NAN,
+        }
+    }
+    if random.random_bool(0.01) {
+        control_loop.hardware_mut().set_silent(false);
+        control_loop.hardware_mut().set_fault(0);
+        *control_loop.controller_mut() =
+            Scripted { current: random.random_range(-8.0..8.0), converged: true };
+    }
+}
+
+/// Goal: the same with the real controller. The rig's magnets never move, whatever the currents, so that the loop drives them to
+/// their limits and the model to where it does not converge.
+#[test]
+fn the_real_controller_allocates_nothing() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
+    let (_, config) = magsteer::config::Config::load(&path).expect("shipped");
+    let rig = &config.description;
+    let (control, daemon) = (config.control.as_ref(), config.daemon.as_ref().expect("shipped"));
+    let manipulator = config.manipulator.clone().expect("shipped");
+    let controller = magsteer::control::Cycle::new(control.expect("shipped"), rig, manipulator);
+    let hardware = EchoHardware::new(rig);
+    let mut control_loop = ControlLoop::new(hardware, controller, rig, daemon, LoopOptions::default());
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(12);
+    let mut tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
+    let (mut visited, mut unconverged) = (Visited::default(), 0);
+    for cycle in 0..CYCLES {
+        let verb = if random.random_bool(0.004) {
+            let angle: f64 = random.random_range(-3.0..3.0);
+            Some(Verb::SetTarget([[angle.sin(), 0.0, angle.cos()]; 8]))
+        } else {
+            // A stop now and then, but long stretches of steering.
+            some_verb(&mut random).filter(|verb| *verb != Verb::Stop || random.random_bool(0.2))
+        };
+        if let Some(verb) = verb {
+            control_loop.request(Request { id: cycle, verb }).expect("one request a cycle");
+        }
+        let stall = if random.random_bool(0.001) { random.random_range(2..150) } else { 1 };
+        tick = Tick { missed: u64::from(stall - 1), ..tick.stepped(daemon.period() * stall) };
+        let (record, allocations) = allocations_in(|| control_loop.cycle(tick));
+        assert_eq!(allocations, 0, "cycle {cycle}: {record:?}");
+        visited.note(&record);
+        unconverged += u32::from(!record.outcome.model.converged);
+    }
+    println!("{unconverged} cycles without convergence; {visited:?}");
+    assert!(visited.everywhere(), "the seed must lead through every state: {visited:?}");
+    assert!(unconverged > 0, "the seed must lead the model astray");
+}
+
+/// A driver that is stepped by this thread between two cycles.
+struct Driver {
+    end: DriverEnd,
+    guard: CommandGuard,
+}
+
+impl Driver {
+    fn step(&mut self, now: Stamp) {
+        if let Some(command) = self.end.take_command(now) {
+            // Refusals are counted by the guard.
+            let _ = self.guard.offer(&command, now);
+        }
+        let setpoint = self.guard.setpoint(now, 1e-3);
+        let upright =
+            MagnetPose { orientation_xyzw: [0.0, 0.0, 0.0, 1.0], valid: 1, ..MagnetPose::default() };
+        let mut pose = PoseMessage { magnet_count: 2, magnets: [upright; 8], ..PoseMessage::default() };
+        pose.header.source_stamp_ns = now.nanoseconds();
+        self.end.publish_pose(pose, now).expect("the transport works");
+        let mut feedback = CoilFeedback { measured: *setpoint.actuation(), ..CoilFeedback::default() };
+        feedback.header.source_stamp_ns = now.nanoseconds();
+        self.guard.report(&mut feedback);
+        self.end.publish_feedback(feedback, now).expect("the transport works");
+    }
+}
+
+#[test]
+fn over_shared_memory_a_cycle_allocates_once_for_a_message_sent() {
+    let root = tempfile::tempdir_in("/dev/shm").expect("shared memory is there");
+    let endpoint = Endpoint::new("example", Some(root.path())).expect("short and own");
+    let description = example_description();
+    let guard = CommandGuard::new(&description, &[0.0; POSE_PARAMETERS_MAX]);
+    let mut driver = Driver { end: DriverEnd::create(&endpoint).expect("own root"), guard };
+    let services = DaemonServices::open(&endpoint, Duration::from_secs(20)).expect("the driver is there");
+    let hardware = services.into_ports(&description).expect("the transport works");
+    // Times of this test are the machine's, since the transport stamps with them: wide limits.
+    let mut config = daemon_config();
+    (config.command_validity_ms, config.pose_hold_ms, config.pose_stop_ms) = (1e3, 3e3, 6e3);
+    (config.feedback_stop_ms, config.overrun_window_ms) = (5e3, 1e4);
+    let controller = Scripted { current: 1.0, converged: true };
+    let mut control_loop =
+        ControlLoop::new(hardware, controller, &description, &config, LoopOptions::default());
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(13);
+    let mut tick = Tick::first(Stamp::now());
+    let (mut sent, mut allocated) = (0, 0);
+    for cycle in 0..CYCLES {
+        driver.step(Stamp::now());
+        let verb = match cycle {
+            5 => Some(Verb::Arm),
+            // The first message of all forms the connection.
+            0..30 => None,
+            30 => Some(Verb::Go),
+            _ => some_verb(&mut random),
+        };
+        if let Some(verb) = verb {
+            control_loop.request(Request { id: cycle, verb }).expect("one request a cycle");
+        }
+        tick = Tick { number: tick.number + 1, ..Tick::first(Stamp::now()) };
+        let (record, allocations) = allocations_in(|| control_loop.cycle(tick));
+        if cycle > 20 {
+            let messages = u64::from(record.order.is_some());
+            assert_eq!(allocations, messages, "cycle {cycle}: {record:?}");
+            (sent, allocated) = (sent + messages, allocated + allocations);
+        }
+    }
+    assert_eq!(sent, allocated);
+    assert!(sent > 1_000, "the seed must steer for long enough: {sent}");
+}
+
+/// Goal: the counter itself sees an allocation, and only where it is asked to.
+#[test]
+fn the_counter_counts() {
+    let (kept, counted) = allocations_in(|| vec![1_u8; 100]);
+    assert_eq!(counted, 1);
+    let (_, counted) = allocations_in(|| ());
+    assert_eq!((counted, kept.len()), (0, 100));
+    assert_eq!(Actuation::default().current_a[0], 0.0);
+}

@@ -1,0 +1,109 @@
+//! A right configuration, for tests to make mistakes in.
+
+use magsteer::config::{Config, Document, Problem, Problems};
+
+/// A right configuration, small enough to be seen at once; every case changes one thing in it.
+pub const RIGHT: &str = r#"
+[rig]
+name = "bench"
+workspace_center_mm = [0.0, 0.0, 0.0]
+workspace_diameter_mm = 110.0
+gravity_m_per_s2 = [0.0, 0.0, -9.81]
+
+[[frames]]
+name = "bottom"
+axis = [0.0, 0.0, 1.0]
+pivot_mm = [0.0, 0.0, 0.0]
+angle_min_deg = -180.0
+angle_max_deg = 180.0
+speed_max_deg_per_s = 45.0
+
+[coil_types.air]
+coefficients_si = [6.4e-7, 1.9e-8]
+valid_from_x_mm = 43.0
+current_max_a = 8.0
+slew_max_a_per_s = 300.0
+resistance_ohm = 5.0
+inductance_h = 0.1
+supply_v = 48.0
+
+[[coils]]
+name = "left"
+type = "air"
+azimuth_deg = 0.0
+elevation_deg = -30.0
+distance_mm = 100.0
+frame = "bottom"
+
+[manipulator]
+base_position_mm = [-30.0, 0.0, 0.0]
+base_tangent = [1.0, 0.0, 0.0]
+base_roll_deg = 0.0
+
+[manipulator.materials.rubber]
+young_modulus_mpa = 2.0
+poisson_ratio = 0.45
+density_kg_per_m3 = 1030.0
+
+[[manipulator.parts]]
+section = { material = "rubber", length_mm = 25.0, diameter_mm = 2.0, extensible = false }
+
+[[manipulator.parts]]
+magnet = { name = "m1", length_mm = 4.0, diameter_mm = 2.0, density_kg_per_m3 = 7500.0, moment_body_a_m2 = [0.0, 0.0, 0.01] }
+"#;
+
+/// Right sections of model, controller and daemon, kept apart since some tests append parts to [`RIGHT`].
+pub const STEERING: &str = r#"
+[rod]
+segment_length_max_mm = 3.2
+residual_tolerance = 1e-10
+iterations_max = 50
+rotation_step_max_deg = 20.0
+passes_max = 2000
+
+[control]
+orientation_error = "tangent-plane"
+proportional_per_s = 5.0
+integral_per_s2 = 0.0
+reference_time_constant_ms = 60.0
+response_delay_ms = 25.0
+allocation = "bounded"
+singular_ratio_max = 1e5
+damping = 1e-4
+current_release_per_s = 0.5
+frame_angles = "steer"
+passes_max = 3
+
+[daemon]
+rate_hz = 1000.0
+command_validity_ms = 100.0
+pose_hold_ms = 50.0
+pose_stop_ms = 250.0
+feedback_stop_ms = 200.0
+model_stop_ms = 250.0
+ramp_timeout_ms = 1000.0
+ramp_done_a = 0.1
+overcurrent_margin_a = 0.5
+arm_timeout_ms = 150.0
+overrun_fraction = 0.5
+overrun_window_ms = 400.0
+realtime = "best-effort"
+priority = 80
+lock_memory = true
+status_rate_hz = 100.0
+"#;
+
+/// What is wrong with a text.
+pub fn refused(text: &str) -> Vec<Problem> {
+    let checked =
+        Document::from_text("bench.toml", text).and_then(|document| Config::from_document(&document));
+    checked.err().map(Problems::into_vec).unwrap_or_default()
+}
+
+/// Number of the line, 1 first, that holds `text`; 1 for no text.
+pub fn line_of(file: &str, text: &str) -> usize {
+    match file.find(text) {
+        Some(at) if !text.is_empty() => file[..at].matches('\n').count() + 1,
+        _ => 1,
+    }
+}
