@@ -163,7 +163,7 @@ impl OperatorClient {
     /// Sends a request and waits for its answer. Without an answer it must be taken as not done.
     ///
     /// # Errors
-    /// When no daemon serves requests, none answers within `timeout`, or the transport fails.
+    /// When no daemon serves requests or answers within `timeout`, or the transport fails.
     pub fn send(
         &mut self,
         request: OperatorRequest,
@@ -174,10 +174,19 @@ impl OperatorClient {
         } else {
             (&self.request_service, REQUEST)
         };
-        // A client of its own for each request: an answer that comes late has nowhere to go.
-        let client = retried(name, || service.client_builder().create())
-            .map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
-        await_answer(&client, request, timeout)
+        let start = Instant::now();
+        loop {
+            // A client of its own for each request: an answer that comes late has nowhere to go.
+            let client = retried(name, || service.client_builder().create())
+                .map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
+            match await_answer(&client, request, start, timeout) {
+                // It reached nobody, so it may be sent again: the daemon may be about to join.
+                Err(ClientError::NoDaemon) if start.elapsed() < timeout => {
+                    std::thread::sleep(Duration::from_millis(5));
+                }
+                outcome => return outcome,
+            }
+        }
     }
 
     /// The status published last, as far as it has arrived; `None` before the first.
@@ -202,9 +211,9 @@ impl OperatorClient {
 fn await_answer(
     client: &RequestClient,
     request: OperatorRequest,
+    start: Instant,
     timeout: Duration,
 ) -> Result<OperatorAnswer, ClientError> {
-    let start = Instant::now();
     let pending =
         client.send_copy(request).map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
     if pending.number_of_server_connections() == 0 {
