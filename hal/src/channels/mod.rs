@@ -18,12 +18,15 @@ mod endpoint;
 mod error;
 mod layout;
 mod lock;
+mod membership;
 mod operator;
 mod ports;
 mod service;
+mod temporary;
 
 pub use daemon::{DaemonEnd, DaemonServices};
 pub use driver::{DriverEnd, DriverServices};
 pub use endpoint::{Endpoint, ROOT_VARIABLE};
 pub use error::{ChannelError, ClientError, Role};
 pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServices, TruthObserver};
+pub use temporary::TemporaryRoot;
