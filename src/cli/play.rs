@@ -28,6 +28,7 @@ const REDRAW: Duration = Duration::from_millis(100);
 pub type Directions = [[f64; 3]; MAGNETS_MAX];
 
 /// One status of the daemon, as far as pictures need it.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct Sample {
     /// Time since the experiment began, s.
     pub time_s: f64,
@@ -42,6 +43,7 @@ pub struct Sample {
 }
 
 /// One step as it was played.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct PlayedStep {
     /// How it went.
     pub response: StepResponse,
@@ -52,6 +54,7 @@ pub struct PlayedStep {
 }
 
 /// An experiment as it was played.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct Played {
     /// Every step, in order.
     pub steps: Vec<PlayedStep>,
