@@ -5,20 +5,19 @@ use std::time::Duration;
 
 use magsteer_hal::channels::{
     ChannelError, ClientError, DaemonEnd, DaemonServices, DriverEnd, DriverServices, Endpoint,
-    OperatorClient, OperatorServer, OperatorServices, Role, TruthObserver,
+    OperatorClient, OperatorServer, OperatorServices, PrivateRoot, Role, TruthObserver,
 };
 use magsteer_hal::message::order;
 use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
 use magsteer_hal::scripted::example_description;
 use magsteer_hal::{Authority, CoilCommand, Gate, Hardware, MagnetPose, PoseMessage, Stamp};
-use tempfile::TempDir;
 
 const WAIT: Duration = Duration::from_secs(5);
 
 /// A root of its own; the endpoint outlives no test.
-fn endpoint() -> (TempDir, Endpoint) {
-    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
-    let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
+fn endpoint() -> (PrivateRoot, Endpoint) {
+    let root = PrivateRoot::create("ms").expect("a directory");
+    let endpoint = root.endpoint("example").expect("an endpoint");
     (root, endpoint)
 }
 
@@ -145,7 +144,7 @@ fn restarted_daemon_reaches_the_driver_that_stayed() {
 #[test]
 fn two_rigs_under_one_root_do_not_hear_each_other() {
     let (root, endpoint) = endpoint();
-    let other = Endpoint::new("other", Some(root.path())).expect("an endpoint");
+    let other = root.endpoint("other").expect("an endpoint");
     let (mut driver, mut other_driver) =
         (DriverEnd::create(&endpoint).expect("a driver"), DriverEnd::create(&other).expect("a driver"));
     let (mut first, mut second) = (daemon(&endpoint), daemon(&other));

@@ -2,14 +2,13 @@
 
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint};
+use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, PrivateRoot};
 use magsteer_hal::conformance::{Clause, Rig, Violation, run};
 use magsteer_hal::scripted::{EchoHardware, example_description};
 use magsteer_hal::{
     AdmittedCommand, CoilFeedback, CommandGuard, Hardware, HardwareDescription, MagnetPose,
     POSE_PARAMETERS_MAX, PoseMessage, Sensed, Setpoint, Stamp, WriteError,
 };
-use tempfile::TempDir;
 
 const START: Stamp = Stamp::from_nanoseconds(1_000_000_000);
 const CYCLE: Duration = Duration::from_millis(1);
@@ -97,14 +96,14 @@ struct ChannelRig {
     daemon: DaemonEnd,
     driver: Driver,
     now: Stamp,
-    _root: TempDir,
+    _root: PrivateRoot,
 }
 
 impl ChannelRig {
     fn new() -> Self {
         let description = example_description();
-        let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
-        let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
+        let root = PrivateRoot::create("ms").expect("a directory");
+        let endpoint = root.endpoint(&description.rig).expect("an endpoint");
         let end = DriverEnd::create(&endpoint).expect("a driver");
         let guard = CommandGuard::new(&description, &[0.0; POSE_PARAMETERS_MAX]);
         let services = DaemonServices::open(&endpoint, Duration::from_secs(5)).expect("a driver");

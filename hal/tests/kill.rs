@@ -5,7 +5,7 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint};
+use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, PrivateRoot};
 use magsteer_hal::scripted::example_description;
 use magsteer_hal::{Authority, Gate, Hardware, MagnetPose, PoseMessage, Stamp};
 
@@ -120,7 +120,7 @@ const MOMENTS: [u64; 8] = [0, 2, 4, 6, 9, 13, 20, 60];
 
 #[test]
 fn killed_drivers_are_followed_by_another_that_the_daemon_hears() {
-    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+    let root = PrivateRoot::create("ms").expect("a directory");
     let first = Victim::start("driver", root.path());
     let mut daemon = daemon(&endpoint(root.path()));
     let mut epoch = heard_driver(&mut daemon, 0);
@@ -136,7 +136,7 @@ fn killed_drivers_are_followed_by_another_that_the_daemon_hears() {
 
 #[test]
 fn killed_daemons_are_followed_by_another_that_the_driver_hears() {
-    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+    let root = PrivateRoot::create("ms").expect("a directory");
     let mut driver = DriverEnd::create(&endpoint(root.path())).expect("a driver");
     let first = Victim::start("daemon", root.path());
     heard_daemon(&mut driver, 0);
@@ -152,7 +152,7 @@ fn killed_daemons_are_followed_by_another_that_the_driver_hears() {
 
 #[test]
 fn both_killed_are_followed_by_both_in_any_order() {
-    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+    let root = PrivateRoot::create("ms").expect("a directory");
     let endpoint = endpoint(root.path());
     for (index, moment) in MOMENTS.into_iter().enumerate() {
         let both = (Victim::start("driver", root.path()), Victim::start("daemon", root.path()));

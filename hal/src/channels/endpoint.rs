@@ -91,18 +91,22 @@ impl Endpoint {
             path: self.root.clone(),
             source: io::Error::from(io::ErrorKind::InvalidFilename),
         };
-        // Segments lie flat in /dev/shm: the prefix keeps roots apart there.
-        let digest = Sha256::digest(root_bytes);
-        let prefix = format!(
-            "magsteer{TRANSPORT_VERSION}_{:02x}{:02x}{:02x}{:02x}_",
-            digest[0], digest[1], digest[2], digest[3]
-        );
+        let prefix = segment_prefix(&self.root);
         let mut config = Config::default();
         config.global.prefix = FileName::new(prefix.as_bytes()).map_err(unusable)?;
         config.global.set_root_path(&iceoryx2::prelude::Path::new(root_bytes).map_err(unusable)?);
         config.global.creation_timeout = connection_wait;
         Ok(config)
     }
+}
+
+/// Begin of the names of all segments of a root. They lie flat in /dev/shm: it keeps roots apart there.
+pub(super) fn segment_prefix(root: &Path) -> String {
+    let digest = Sha256::digest(root.as_os_str().as_encoded_bytes());
+    format!(
+        "magsteer{TRANSPORT_VERSION}_{:02x}{:02x}{:02x}{:02x}_",
+        digest[0], digest[1], digest[2], digest[3]
+    )
 }
 
 fn default_root() -> PathBuf {

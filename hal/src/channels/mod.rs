@@ -8,6 +8,8 @@
 //! | `target/set`, `request` | operator to daemon | request and answer | [`OperatorServer`], [`OperatorClient`] |
 //! | `status` | daemon to whoever looks | stream | as above |
 //!
+//! A rig of one's own, gone without a trace at its end, lives under a [`PrivateRoot`].
+//!
 //! Rules: a rig has one driver and one daemon, held by lock files that die with their process; either may restart at
 //! any time, killed or not, and meets the other again without anybody clearing anything up. Nothing here waits except
 //! opening, which is bounded. Per sent message the transport allocates once; receiving allocates nothing.
@@ -20,6 +22,7 @@ mod layout;
 mod lock;
 mod operator;
 mod ports;
+mod private_root;
 mod service;
 
 pub use daemon::{DaemonEnd, DaemonServices};
@@ -27,3 +30,4 @@ pub use driver::{DriverEnd, DriverServices};
 pub use endpoint::{Endpoint, ROOT_VARIABLE};
 pub use error::{ChannelError, ClientError, Role};
 pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServices, TruthObserver};
+pub use private_root::PrivateRoot;

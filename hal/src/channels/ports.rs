@@ -270,7 +270,7 @@ mod tests {
     use std::time::Duration;
 
     use super::super::service::{COMMAND, Topic, create_topic};
-    use super::super::{DaemonServices, DriverEnd, Endpoint};
+    use super::super::{DaemonServices, DriverEnd, PrivateRoot};
     use super::{ChannelError, Outlet, Repair};
     use crate::message::CoilCommand;
     use crate::scripted::example_description;
@@ -278,8 +278,8 @@ mod tests {
 
     #[test]
     fn commander_that_holds_no_lock_is_noticed_and_named() {
-        let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
-        let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
+        let root = PrivateRoot::create("ms").expect("a directory");
+        let endpoint = root.endpoint("example").expect("an endpoint");
         let _driver = DriverEnd::create(&endpoint).expect("a driver");
         let node = endpoint.node(Duration::ZERO).expect("a node");
         let topic: Topic<CoilCommand> = create_topic(&node, &endpoint, COMMAND).expect("the topic");
