@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use magsteer_hal::channels::{
     ChannelError, ClientError, DaemonEnd, DaemonServices, DriverEnd, DriverServices, Endpoint,
-    OperatorClient, OperatorServer, OperatorServices, Role, TemporaryRoot, TruthObserver,
+    OperatorClient, OperatorServer, OperatorServices, PrivateRoot, Role, TruthObserver,
 };
 use magsteer_hal::message::order;
 use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
@@ -15,8 +15,8 @@ use magsteer_hal::{Authority, CoilCommand, Gate, Hardware, MagnetPose, PoseMessa
 const WAIT: Duration = Duration::from_secs(5);
 
 /// A root of its own; the endpoint outlives no test.
-fn endpoint() -> (TemporaryRoot, Endpoint) {
-    let root = TemporaryRoot::new().expect("a root");
+fn endpoint() -> (PrivateRoot, Endpoint) {
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
     (root, endpoint)
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, TemporaryRoot};
+use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, PrivateRoot};
 use magsteer_hal::conformance::{Clause, Rig, Violation, run};
 use magsteer_hal::scripted::{EchoHardware, example_description};
 use magsteer_hal::{
@@ -96,13 +96,13 @@ struct ChannelRig {
     daemon: DaemonEnd,
     driver: Driver,
     now: Stamp,
-    _root: TemporaryRoot,
+    _root: PrivateRoot,
 }
 
 impl ChannelRig {
     fn new() -> Self {
         let description = example_description();
-        let root = TemporaryRoot::new().expect("a root");
+        let root = PrivateRoot::create("magsteer-test").expect("a root");
         let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
         let end = DriverEnd::create(&endpoint).expect("a driver");
         let guard = CommandGuard::new(&description, &[0.0; POSE_PARAMETERS_MAX]);

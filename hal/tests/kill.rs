@@ -6,7 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use magsteer_hal::channels::{
-    DaemonEnd, DaemonServices, DriverEnd, Endpoint, OperatorClient, OperatorServices, TemporaryRoot,
+    DaemonEnd, DaemonServices, DriverEnd, Endpoint, OperatorClient, OperatorServices, PrivateRoot,
 };
 use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, verb};
 use magsteer_hal::scripted::example_description;
@@ -134,7 +134,7 @@ const MOMENTS: [u64; 8] = [0, 2, 4, 6, 9, 13, 20, 60];
 
 #[test]
 fn killed_drivers_are_followed_by_another_that_the_daemon_hears() {
-    let root = TemporaryRoot::new().expect("a root");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let first = Victim::start("driver", root.path());
     let mut daemon = daemon(&endpoint(root.path()));
     heard_driver(&mut daemon, 0);
@@ -151,7 +151,7 @@ fn killed_drivers_are_followed_by_another_that_the_daemon_hears() {
 
 #[test]
 fn killed_daemons_are_followed_by_another_that_the_driver_hears() {
-    let root = TemporaryRoot::new().expect("a root");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let mut driver = DriverEnd::create(&endpoint(root.path())).expect("a driver");
     let first = Victim::start("daemon", root.path());
     heard_daemon(&mut driver, 0);
@@ -168,7 +168,7 @@ fn killed_daemons_are_followed_by_another_that_the_driver_hears() {
 
 #[test]
 fn killed_servers_of_operators_are_followed_by_another_that_answers_the_client() {
-    let root = TemporaryRoot::new().expect("a root");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let first = Victim::start("operators", root.path());
     let mut client = OperatorClient::open(&endpoint(root.path()), WAIT).expect("a server");
     drop(first);
@@ -187,7 +187,7 @@ fn killed_servers_of_operators_are_followed_by_another_that_answers_the_client()
 
 #[test]
 fn both_killed_are_followed_by_both_in_any_order() {
-    let root = TemporaryRoot::new().expect("a root");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let endpoint = endpoint(root.path());
     for (index, moment) in MOMENTS.into_iter().enumerate() {
         let both = (Victim::start("driver", root.path()), Victim::start("daemon", root.path()));

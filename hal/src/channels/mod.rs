@@ -21,12 +21,12 @@ mod lock;
 mod membership;
 mod operator;
 mod ports;
+mod private_root;
 mod service;
-mod temporary;
 
 pub use daemon::{DaemonEnd, DaemonServices};
 pub use driver::{DriverEnd, DriverServices};
 pub use endpoint::{Endpoint, ROOT_VARIABLE};
 pub use error::{ChannelError, ClientError, Role};
 pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServices, TruthObserver};
-pub use temporary::TemporaryRoot;
+pub use private_root::PrivateRoot;

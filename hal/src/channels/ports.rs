@@ -271,7 +271,7 @@ mod tests {
 
     use super::super::membership::Membership;
     use super::super::service::{COMMAND, Topic, create_topic};
-    use super::super::{DaemonServices, DriverEnd, Endpoint, TemporaryRoot};
+    use super::super::{DaemonServices, DriverEnd, Endpoint, PrivateRoot};
     use super::{ChannelError, Outlet, Repair};
     use crate::message::CoilCommand;
     use crate::scripted::example_description;
@@ -279,7 +279,7 @@ mod tests {
 
     #[test]
     fn commander_that_holds_no_lock_is_noticed_and_named() {
-        let root = TemporaryRoot::new().expect("a root");
+        let root = PrivateRoot::create("magsteer-test").expect("a root");
         let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
         let _driver = DriverEnd::create(&endpoint).expect("a driver");
         let Membership { node, _sweeper } = endpoint.join(Duration::ZERO).expect("a node");
