@@ -123,8 +123,9 @@ impl ThinSvd {
             beta += b * b;
             gamma += a * b;
         }
-        // Also false for numbers that are not finite: the sweeps then end at once.
-        if !(gamma.abs() > 1e-15 * (alpha * beta).sqrt()) || gamma == 0.0 {
+        // False for numbers that are not finite: the sweeps then end at once.
+        let oblique = gamma.abs() > 1e-15 * (alpha * beta).sqrt();
+        if !oblique || gamma == 0.0 {
             return false;
         }
         let zeta = (beta - alpha) / (2.0 * gamma);
