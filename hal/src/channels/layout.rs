@@ -103,7 +103,9 @@ mod tests {
             ("CoilFeedback", 48 + 5 * 8 + 4 * 4 + 320),
             ("OperatorRequest", 8 + 8 * 24),
             ("OperatorAnswer", 4 * 4 + 8),
-            ("StatusMessage", 48 + 8 + 7 * 8 + 4 * 4 + 4 * 192 + 2 * 320),
+            ("Quantiles", 4 * 8),
+            ("LoopTiming", 8 + 4 * 32),
+            ("StatusMessage", 48 + 8 + 8 * 8 + 136 + 4 * 4 + 4 * 192 + 2 * 320),
         ];
         let text = layouts();
         for (name, size) in sizes {
