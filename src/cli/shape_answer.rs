@@ -41,6 +41,9 @@ pub struct MagnetAnswer {
     pub field_t: [f64; 3],
     /// All that acts at the centre: magnetic force and weight.
     pub force_n: [f64; 3],
+    /// The magnetic part of it, eq. (10).
+    pub magnetic_force_n: [f64; 3],
+    pub torque_nm: [f64; 3],
     /// False outside the range of a coil's field model.
     pub field_valid: bool,
 }
