@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use ideal_driver::Driver;
 use magsteer::control::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
 use magsteer::daemon::{DaemonConfig, RunError, RunPlan, RunReport, StopFlag, run};
-use magsteer_hal::channels::{Endpoint, OperatorClient};
+use magsteer_hal::channels::{Endpoint, OperatorClient, PrivateRoot};
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, StatusMessage, state, verb};
 use magsteer_hal::scripted::example_description;
@@ -150,9 +150,9 @@ impl Operator {
     }
 }
 
-fn world() -> (tempfile::TempDir, Endpoint) {
-    let root = tempfile::tempdir_in("/dev/shm").expect("shared memory is there");
-    let endpoint = Endpoint::new("example", Some(root.path())).expect("short and own");
+fn world() -> (PrivateRoot, Endpoint) {
+    let root = PrivateRoot::create("ms").expect("shared memory is there");
+    let endpoint = root.endpoint("example").expect("short and own");
     (root, endpoint)
 }
 

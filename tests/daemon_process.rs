@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use ideal_driver::Driver;
 use magsteer::config::Config;
-use magsteer_hal::channels::Endpoint;
+use magsteer_hal::channels::PrivateRoot;
 use magsteer_hal::message::driver_state;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -19,14 +19,14 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A rig of its own: root, driver, configuration with limits for a machine that runs many tests at once.
 struct World {
-    root: tempfile::TempDir,
     file: PathBuf,
     driver: Driver,
+    root: PrivateRoot,
 }
 
 impl World {
     fn new() -> Self {
-        let root = tempfile::tempdir_in("/dev/shm").expect("shared memory is there");
+        let root = PrivateRoot::create("ms").expect("shared memory is there");
         let file = root.path().join("rig.toml");
         let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
         let text = format!(
@@ -36,9 +36,9 @@ impl World {
         );
         std::fs::write(&file, text).expect("own directory");
         let (_, config) = Config::load(&file).expect("extends a shipped file");
-        let endpoint = Endpoint::new(&config.description.rig, Some(root.path())).expect("short and own");
+        let endpoint = root.endpoint(&config.description.rig).expect("short and own");
         let driver = Driver::start(&endpoint, config.description);
-        Self { root, file, driver }
+        Self { file, driver, root }
     }
 
     fn command(&self, arguments: &[&str]) -> Command {

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use magsteer::control::{CycleInput, CycleOutcome, ModelReport, Step};
 use magsteer::daemon::{ControlLoop, CycleRecord, DaemonConfig, LoopOptions, Request, Tick, Verb};
-use magsteer_hal::channels::{DaemonServices, DriverEnd, Endpoint};
+use magsteer_hal::channels::{DaemonServices, DriverEnd, PrivateRoot};
 use magsteer_hal::operator::state;
 use magsteer_hal::scripted::{EchoHardware, example_description};
 use magsteer_hal::{
@@ -250,8 +250,8 @@ impl Driver {
 
 #[test]
 fn over_shared_memory_a_cycle_allocates_once_for_a_message_sent() {
-    let root = tempfile::tempdir_in("/dev/shm").expect("shared memory is there");
-    let endpoint = Endpoint::new("example", Some(root.path())).expect("short and own");
+    let root = PrivateRoot::create("ms").expect("shared memory is there");
+    let endpoint = root.endpoint("example").expect("short and own");
     let description = example_description();
     let guard = CommandGuard::new(&description, &[0.0; POSE_PARAMETERS_MAX]);
     let mut driver = Driver { end: DriverEnd::create(&endpoint).expect("own root"), guard };

@@ -5,19 +5,18 @@ use std::time::Duration;
 
 use magsteer_hal::channels::{
     ChannelError, ClientError, DaemonEnd, DaemonServices, DriverEnd, DriverServices, Endpoint,
-    OperatorClient, OperatorServer, OperatorServices, Role, TruthObserver,
+    OperatorClient, OperatorServer, OperatorServices, PrivateRoot, Role, TruthObserver,
 };
 use magsteer_hal::message::order;
 use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
 use magsteer_hal::scripted::example_description;
 use magsteer_hal::{Authority, CoilCommand, Gate, Hardware, MagnetPose, PoseMessage, Stamp};
-use tempfile::TempDir;
 
 const WAIT: Duration = Duration::from_secs(5);
 
 /// A root of its own; the endpoint outlives no test.
-fn endpoint() -> (TempDir, Endpoint) {
-    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+fn endpoint() -> (PrivateRoot, Endpoint) {
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
     (root, endpoint)
 }
@@ -231,7 +230,8 @@ fn client_of_a_daemon_that_left_is_told_that_there_is_none() {
     let server = OperatorServices::create(&endpoint).expect("services").into_server().expect("a server");
     let mut client = OperatorClient::open(&endpoint, WAIT).expect("a daemon");
     drop(server);
-    let refused = client.send(OperatorRequest::default(), WAIT).expect_err("nobody there");
+    let refused =
+        client.send(OperatorRequest::default(), Duration::from_millis(20)).expect_err("nobody there");
     assert!(matches!(refused, ClientError::NoDaemon), "{refused}");
     drop(client);
     let refused = OperatorClient::open(&endpoint, Duration::from_millis(20)).expect_err("nobody there");

@@ -2,14 +2,13 @@
 
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint};
+use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, PrivateRoot};
 use magsteer_hal::conformance::{Clause, Rig, Violation, run};
 use magsteer_hal::scripted::{EchoHardware, example_description};
 use magsteer_hal::{
     AdmittedCommand, CoilFeedback, CommandGuard, Hardware, HardwareDescription, MagnetPose,
     POSE_PARAMETERS_MAX, PoseMessage, Sensed, Setpoint, Stamp, WriteError,
 };
-use tempfile::TempDir;
 
 const START: Stamp = Stamp::from_nanoseconds(1_000_000_000);
 const CYCLE: Duration = Duration::from_millis(1);
@@ -97,13 +96,13 @@ struct ChannelRig {
     daemon: DaemonEnd,
     driver: Driver,
     now: Stamp,
-    _root: TempDir,
+    _root: PrivateRoot,
 }
 
 impl ChannelRig {
     fn new() -> Self {
         let description = example_description();
-        let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
+        let root = PrivateRoot::create("magsteer-test").expect("a root");
         let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
         let end = DriverEnd::create(&endpoint).expect("a driver");
         let guard = CommandGuard::new(&description, &[0.0; POSE_PARAMETERS_MAX]);

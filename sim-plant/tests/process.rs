@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint};
+use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, PrivateRoot};
 use magsteer_hal::message::driver_state;
 use magsteer_hal::{Actuation, Authority, CoilFeedback, Gate, Hardware, HardwareDescription, Stamp};
 use magsteer_sim_plant::PlantConfig;
@@ -70,8 +70,8 @@ fn driven(finish: impl Fn(&mut Commander, &Actuation, &AtomicBool)) -> (Summary,
     let description = fixture::bigmag();
     let config: PlantConfig = serde_json::from_value(fixture::plant_tables()).expect("a configuration");
     let mut plant = config.build(&description).expect("valid");
-    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
-    let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
+    let root = PrivateRoot::create("ms").expect("a directory");
+    let endpoint = root.endpoint(&description.rig).expect("an endpoint");
     let stop = AtomicBool::new(false);
     let mut request = Actuation::default();
     request.current_a[4] = 2.0;
@@ -142,8 +142,8 @@ fn process_that_cannot_catch_up_leaves_time_out_and_counts_it() {
     tables["real_time"]["catch_up_max_ms"] = 1.into();
     let config: PlantConfig = serde_json::from_value(tables).expect("a configuration");
     let mut plant = config.build(&description).expect("valid");
-    let root = tempfile::Builder::new().prefix("ms").tempdir().expect("a directory");
-    let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
+    let root = PrivateRoot::create("ms").expect("a directory");
+    let endpoint = root.endpoint(&description.rig).expect("an endpoint");
     let mut end = DriverEnd::create(&endpoint).expect("a driver");
     let stop = AtomicBool::new(false);
     let summary = thread::scope(|scope| {

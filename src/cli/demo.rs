@@ -1,8 +1,9 @@
 //! `magsteer demo`: plant and daemon as two processes, the planar experiment, a table and two pictures.
 
 use std::io::Read;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -11,14 +12,15 @@ use clap::Args;
 use magsteer::config::{Config, Document, Experiment};
 use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::{RunReport, StopFlag};
-use magsteer_hal::channels::Endpoint;
+use magsteer_hal::channels::{Endpoint, PrivateRoot};
 use magsteer_hal::operator::{state, verb};
 use serde::Serialize;
 
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::output;
-use super::play::{Played, Session, table};
+use super::play::{Played, Session, table, timing_line};
+use super::rig_file::channel_failure;
 use super::shipped;
 use super::sim_plant::PlantReport;
 
@@ -26,6 +28,8 @@ use super::sim_plant::PlantReport;
 const START_WAIT: Duration = Duration::from_secs(20);
 /// How long the rig may take until it can be armed.
 const READY_WAIT: Duration = Duration::from_secs(5);
+/// How long to wait for the daemon between two looks at the children and at signals.
+const LOOK: Duration = Duration::from_millis(250);
 /// How long a child may take to ramp down and end.
 const END_WAIT: Duration = Duration::from_secs(10);
 
@@ -79,16 +83,16 @@ impl Demo {
             false,
             || (),
             || {
-                let rig = Rig::start(&document, &config, &folder)?;
+                let mut rig = Rig::start(&document, &config, &folder)?;
                 let played = rig.play(&experiment, &magnets, &stop);
-                let (daemon, plant) = rig.end()?;
-                anyhow::Ok((played?, daemon, plant))
+                let reports = rig.end();
+                // Why it could not be played says more than what the children made of that.
+                let played = played?;
+                let (daemon, plant) = reports?;
+                anyhow::Ok((played, daemon, plant))
             },
         )??;
-        if stop.requested().is_some() {
-            output::note("interrupted: the coils were ramped to zero");
-            return Ok(exit_of(&stop));
-        }
+        let Some(played) = played else { return Ok(interrupted(&stop, &daemon, &plant)) };
         let files = draw(&folder, &config, &played)?;
         self.print(&played, &daemon, &plant, &files)?;
         let is_sound = played.all_settled() && daemon.is_clean() && plant.limit_breaks == 0;
@@ -98,9 +102,7 @@ impl Demo {
     /// Makes the folder for this run.
     fn folder(&self) -> anyhow::Result<PathBuf> {
         let folder = self.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(dated("demo")));
-        std::fs::create_dir_all(&folder).map_err(|error| {
-            Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", folder.display()))
-        })?;
+        std::fs::create_dir_all(&folder).map_err(|error| cannot_create(&folder, &error))?;
         Ok(folder)
     }
 
@@ -122,21 +124,7 @@ impl Demo {
                 plant,
             });
         }
-        let timing = &daemon.timing;
-        let mut text = format!("\n{}\n", table(played));
-        text += &format!(
-            "loop at {:.0} Hz: {} cycles, {} missed; lateness p50 {:.0} us, p99 {:.0} us, max {:.0} us; \
-             execution p50 {:.0} us, p99 {:.0} us, max {:.0} us\n",
-            timing.rate_hz,
-            timing.cycles,
-            timing.missed,
-            timing.lateness_us.p50,
-            timing.lateness_us.p99,
-            timing.lateness_us.max,
-            timing.execution_us.p50,
-            timing.execution_us.p99,
-            timing.execution_us.max,
-        );
+        let mut text = format!("\n{}\n{}", table(played), timing_line(&daemon.timing));
         text += &format!(
             "plant: {} commands beyond a limit, largest current {:.2} A\n",
             plant.limit_breaks, plant.current_max_a
@@ -149,33 +137,76 @@ impl Demo {
     }
 }
 
-/// Plant and daemon as child processes, under a root directory of their own.
+/// The end of a demonstration that was broken off.
+fn interrupted(stop: &StopFlag, daemon: &RunReport, plant: &PlantReport) -> Exit {
+    if !plant.ended_currentless {
+        output::error("interrupted, and the plant did not end at zero current");
+        return Exit::No;
+    }
+    let ramp =
+        daemon.ramp_down_ms.map_or(String::new(), |duration| format!(", ramped down in {duration:.1} ms"));
+    output::note(format_args!("interrupted: every coil is at zero current{ramp}"));
+    exit_of(stop)
+}
+
+/// Plant and daemon as child processes, under a root directory of their own, which goes when both have ended.
 struct Rig {
-    plant: Process,
+    // In the order in which they are to end should something fail on the way.
     daemon: Process,
+    plant: Process,
     endpoint: Endpoint,
-    root: PathBuf,
+    _root: PrivateRoot,
 }
 
 impl Rig {
     fn start(document: &Document, config: &Config, folder: &Path) -> anyhow::Result<Self> {
         // Both processes read the very same text: the merged file, kept beside the results.
         let file = folder.join("config.toml");
-        std::fs::write(&file, document.resolved().text)
-            .with_context(|| format!("{}: cannot be written", file.display()))?;
-        let root = Path::new("/dev/shm").join(format!("magsteer-demo-{}", std::process::id()));
-        let endpoint = Endpoint::new(&config.description.rig, Some(&root))?;
-        let plant = Process::start("sim-plant", &file, &root, folder)?;
-        let daemon = Process::start("run", &file, &root, folder)?;
-        Ok(Self { plant, daemon, endpoint, root })
+        std::fs::write(&file, document.resolved().text).map_err(|error| cannot_create(&file, &error))?;
+        let root = PrivateRoot::create("magsteer-demo").map_err(channel_failure)?;
+        let endpoint = root.endpoint(&config.description.rig).map_err(channel_failure)?;
+        let plant = Process::start("sim-plant", &file, root.path(), folder)?;
+        let daemon = Process::start("run", &file, root.path(), folder)?;
+        Ok(Self { daemon, plant, endpoint, _root: root })
     }
 
-    fn play(&self, experiment: &Experiment, magnets: &[&str], stop: &StopFlag) -> anyhow::Result<Played> {
-        let mut session = Session::open(&self.endpoint, START_WAIT).map_err(|error| self.explain(error))?;
-        session.wait_for(&[state::IDLE], START_WAIT).map_err(|error| self.explain(error))?;
+    /// Plays the experiment; `None` when it was told to stop on the way.
+    fn play(
+        &mut self,
+        experiment: &Experiment,
+        magnets: &[&str],
+        stop: &StopFlag,
+    ) -> anyhow::Result<Option<Played>> {
+        let Some(mut session) = self.ready(stop)? else { return Ok(None) };
         session.arm(READY_WAIT)?;
         session.request(verb::GO, "go")?;
-        session.play(experiment, magnets, stop).map_err(|error| self.explain(error))
+        let played = session.play(experiment, magnets, stop).map_err(|error| self.explain(error))?;
+        Ok(stop.requested().is_none().then_some(played))
+    }
+
+    /// Waits until the daemon is idle; `None` when told to stop meanwhile.
+    fn ready(&mut self, stop: &StopFlag) -> anyhow::Result<Option<Session>> {
+        let begin = Instant::now();
+        let mut session = None;
+        while stop.requested().is_none() {
+            self.plant.still_runs()?;
+            self.daemon.still_runs()?;
+            let reached = match session.take() {
+                None => Session::open(&self.endpoint, LOOK),
+                Some(session) => Ok(session),
+            };
+            let reached = reached.and_then(|mut opened: Session| {
+                let idle = opened.wait_for(&[state::IDLE], LOOK).map(drop);
+                session = Some(opened);
+                idle
+            });
+            match reached {
+                Ok(()) => return Ok(session),
+                Err(error) if begin.elapsed() > START_WAIT => return Err(self.explain(error)),
+                Err(_) => (),
+            }
+        }
+        Ok(None)
     }
 
     /// Adds where the children's own words stand.
@@ -185,11 +216,9 @@ impl Rig {
     }
 
     /// Stops the daemon, then the plant: each ramps down, reports and ends.
-    fn end(self) -> anyhow::Result<(RunReport, PlantReport)> {
+    fn end(mut self) -> anyhow::Result<(RunReport, PlantReport)> {
         let daemon = self.daemon.end();
         let plant = self.plant.end();
-        // Whatever the children left there is of no use to anybody.
-        let _ = std::fs::remove_dir_all(&self.root);
         let daemon = serde_json::from_str(&daemon?).context("the daemon's report cannot be read")?;
         let plant = serde_json::from_str(&plant?).context("the plant's report cannot be read")?;
         Ok((daemon, plant))
@@ -207,8 +236,7 @@ struct Process {
 impl Process {
     fn start(name: &'static str, config: &Path, root: &Path, folder: &Path) -> anyhow::Result<Self> {
         let log = folder.join(format!("{name}.log"));
-        let messages =
-            std::fs::File::create(&log).with_context(|| format!("{}: cannot be created", log.display()))?;
+        let messages = std::fs::File::create(&log).map_err(|error| cannot_create(&log, &error))?;
         let program = std::env::current_exe().context("cannot find this program")?;
         let mut child = Command::new(program)
             .arg(name)
@@ -219,37 +247,65 @@ impl Process {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(messages)
+            // A terminal's Ctrl-C is for the demonstration alone, which ends daemon and plant in their order.
+            .process_group(0)
             .spawn()
             .with_context(|| format!("cannot start {name}"))?;
         let input = child.stdin.take();
         Ok(Self { name, child, input, log })
     }
 
-    /// Asks the child to end and returns what it printed.
-    fn end(mut self) -> anyhow::Result<String> {
+    /// Fails, with its last words, when the child has ended.
+    fn still_runs(&mut self) -> anyhow::Result<()> {
+        match self.child.try_wait()? {
+            None => Ok(()),
+            Some(status) => Err(self.died(status)),
+        }
+    }
+
+    fn died(&self, status: ExitStatus) -> anyhow::Error {
+        let words = std::fs::read_to_string(&self.log).unwrap_or_default();
+        let failure = anyhow!("{} ended with {status}: {}", self.name, words.trim());
+        Failure::with(Exit::Software, failure)
+    }
+
+    /// Asks the child to end, waits, and kills it when that takes too long.
+    fn wait(&mut self) -> std::io::Result<ExitStatus> {
         drop(self.input.take());
         let deadline = Instant::now() + END_WAIT;
-        let status = loop {
+        while Instant::now() < deadline {
             if let Some(status) = self.child.try_wait()? {
-                break status;
-            }
-            if Instant::now() > deadline {
-                let _ = self.child.kill();
-                break self.child.wait()?;
+                return Ok(status);
             }
             std::thread::sleep(Duration::from_millis(10));
-        };
+        }
+        self.child.kill()?;
+        self.child.wait()
+    }
+
+    /// Asks the child to end and returns what it printed.
+    fn end(&mut self) -> anyhow::Result<String> {
+        let status = self.wait()?;
         let mut printed = String::new();
         if let Some(mut output) = self.child.stdout.take() {
             output.read_to_string(&mut printed)?;
         }
         if printed.trim().is_empty() {
-            let words = std::fs::read_to_string(&self.log).unwrap_or_default();
-            let failure = anyhow!("{} ended with {status}: {}", self.name, words.trim());
-            return Err(Failure::with(Exit::Software, failure));
+            return Err(self.died(status));
         }
         Ok(printed)
     }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // Nothing is left to be done about a child that cannot be waited for.
+        let _ = self.wait();
+    }
+}
+
+fn cannot_create(path: &Path, error: &std::io::Error) -> anyhow::Error {
+    Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", path.display()))
 }
 
 /// `NAME-YYYYMMDD-HHMMSS`, UTC.

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, bail};
 use magsteer::config::Experiment;
-use magsteer::daemon::StopFlag;
-use magsteer::daemon::step_response::{Observation, StepResponse, judge, polar_angle};
+use magsteer::daemon::step_response::{Observation, StepResponse, judge};
+use magsteer::daemon::target::angle_from_z_deg;
+use magsteer::daemon::{LatencySummary, StopFlag, TimingSummary};
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
 use magsteer_hal::message::PoseMessage;
 use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, StatusMessage, state, verb};
@@ -27,6 +28,7 @@ const REDRAW: Duration = Duration::from_millis(100);
 pub type Directions = [[f64; 3]; MAGNETS_MAX];
 
 /// One status of the daemon, as far as pictures need it.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct Sample {
     /// Time since the experiment began, s.
     pub time_s: f64,
@@ -41,6 +43,7 @@ pub struct Sample {
 }
 
 /// One step as it was played.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct PlayedStep {
     /// How it went.
     pub response: StepResponse,
@@ -51,6 +54,7 @@ pub struct PlayedStep {
 }
 
 /// An experiment as it was played.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct Played {
     /// Every step, in order.
     pub steps: Vec<PlayedStep>,
@@ -58,6 +62,8 @@ pub struct Played {
     pub samples: Vec<Sample>,
     /// True when steps were judged by the plant's true poses, false when by measured ones.
     pub judged_by_truth: bool,
+    /// Timing of the daemon's loop so far; `None` when nothing was heard of it.
+    pub timing: Option<TimingSummary>,
 }
 
 impl Played {
@@ -108,6 +114,15 @@ impl Session {
                 outcome => return outcome,
             }
         }
+    }
+
+    /// Waits for a status of any state.
+    ///
+    /// # Errors
+    /// When none comes within `wait`.
+    pub fn wait_for_status(&mut self, wait: Duration) -> anyhow::Result<StatusMessage> {
+        use state::{ACTIVE, ARMED, BOOT, FAULT, HOLDING, IDLE, SAFE_STOP};
+        self.wait_for(&[BOOT, IDLE, ARMED, ACTIVE, HOLDING, SAFE_STOP, FAULT], wait)
     }
 
     /// Waits until the daemon is in one of `states`.
@@ -161,7 +176,8 @@ impl Session {
             let end_s = Stamp::now().since(self.begin).as_secs_f64();
             steps.push(PlayedStep { response, target, end_s });
         }
-        Ok(Played { steps, samples: self.samples, judged_by_truth: self.truth.is_some() })
+        let timing = self.client.newest_status(Stamp::now()).map(|status| TimingSummary::of_status(&status));
+        Ok(Played { steps, samples: self.samples, judged_by_truth: self.truth.is_some(), timing })
     }
 
     /// Watches one step to its end; `None` when it was broken off.
@@ -314,7 +330,8 @@ fn live(
     lateness_max_us: f64,
 ) -> String {
     let degrees = |directions: &[[f64; 3]]| -> String {
-        directions.iter().map(|direction| format!("{:6.1}", polar_angle(direction).to_degrees())).collect()
+        let shown = |direction| format!("{:6.1}", angle_from_z_deg(direction).unwrap_or(f64::NAN));
+        directions.iter().map(shown).collect()
     };
     let coils = (status.coil_count as usize).min(status.measured.current_a.len());
     let currents: String =
@@ -359,6 +376,22 @@ impl LiveLine {
             output::note(&self.text);
         }
     }
+}
+
+/// A line on the loop's timing.
+pub fn timing_line(timing: &TimingSummary) -> String {
+    let row = |latency: &LatencySummary| {
+        format!("p50 {:.0} us, p99 {:.0} us, max {:.0} us", latency.p50, latency.p99, latency.max)
+    };
+    format!(
+        "loop at {:.0} Hz: {} cycles, {} missed; lateness {}; execution {}; pose to command {}\n",
+        timing.rate_hz,
+        timing.cycles,
+        timing.missed,
+        row(&timing.lateness_us),
+        row(&timing.execution_us),
+        row(&timing.pose_to_command_us),
+    )
 }
 
 /// The table of an experiment's steps.

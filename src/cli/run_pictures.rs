@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use magsteer::config::Config;
-use magsteer::daemon::step_response::polar_angle;
+use magsteer::daemon::target::angle_from_z_deg;
 use magsteer::magnetics::CoilArray;
 use magsteer::rod::{Manipulator, Pass, PassMode, Station, TipLoad};
 use magsteer_hal::Actuation;
@@ -66,7 +66,10 @@ pub fn draw(folder: &Path, config: &Config, played: &Played) -> anyhow::Result<V
 
 fn angle_history(index: usize, magnet: &str, samples: &[Sample]) -> AngleHistory {
     let curve = |of: fn(&Sample) -> &[[f64; 3]; magsteer_hal::MAGNETS_MAX]| {
-        samples.iter().map(|sample| (sample.time_s, polar_angle(&of(sample)[index]).to_degrees())).collect()
+        samples
+            .iter()
+            .filter_map(|sample| Some((sample.time_s, angle_from_z_deg(&of(sample)[index])?)))
+            .collect()
     };
     AngleHistory {
         magnet: magnet.to_owned(),

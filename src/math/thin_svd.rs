@@ -123,9 +123,9 @@ impl ThinSvd {
             beta += b * b;
             gamma += a * b;
         }
-        // False for numbers that are not finite: the sweeps then end at once.
-        let oblique = gamma.abs() > 1e-15 * (alpha * beta).sqrt();
-        if !oblique || gamma == 0.0 {
+        // Also false for numbers that are not finite: the sweeps then end at once.
+        let coupled = gamma != 0.0 && gamma.abs() > 1e-15 * (alpha * beta).sqrt();
+        if !coupled {
             return false;
         }
         let zeta = (beta - alpha) / (2.0 * gamma);

@@ -18,8 +18,10 @@ mod endpoint;
 mod error;
 mod layout;
 mod lock;
+mod membership;
 mod operator;
 mod ports;
+mod private_root;
 mod service;
 
 pub use daemon::{DaemonEnd, DaemonServices};
@@ -27,3 +29,4 @@ pub use driver::{DriverEnd, DriverServices};
 pub use endpoint::{Endpoint, ROOT_VARIABLE};
 pub use error::{ChannelError, ClientError, Role};
 pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServices, TruthObserver};
+pub use private_root::PrivateRoot;

@@ -84,7 +84,7 @@ causes! {
 
     // 300 to 399: the amplifiers are cut at once.
     /// The measured current did not reach zero within the ramp's time-out.
-    RampTimeout = 300, "the measured current did not fall to zero in time";
+    RampTimeout = 300, "the driver did not report zero current in time";
     /// The driver cut its amplifiers by itself.
     DriverDisabled = 301, "the driver cut its amplifiers";
     /// The driver reports a fault of its own.
