@@ -519,3 +519,6 @@ fn product(left: Rows3, right: Rows3) -> Rows3 {
     let entry = |row: usize, column: usize| (0..3).map(|k| left[row][k] * right[k][column]).sum();
     [0, 1, 2].map(|row| [0, 1, 2].map(|column| entry(row, column)))
 }
+
+#[cfg(test)]
+mod tests;

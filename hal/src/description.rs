@@ -163,3 +163,6 @@ impl HardwareDescription {
         u64::from_be_bytes(first)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -91,6 +91,36 @@ pub struct OperatorAnswer {
     pub epoch: u64,
 }
 
+/// Quantiles of a time over all cycles of a run.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+pub struct Quantiles {
+    /// Half of all values lie below.
+    pub p50_us: f64,
+    /// 99 of 100 values lie below.
+    pub p99_us: f64,
+    /// 999 of 1000 values lie below.
+    pub p999_us: f64,
+    /// The greatest value.
+    pub max_us: f64,
+}
+
+/// Timing of the loop since its start, renewed once a second.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+pub struct LoopTiming {
+    /// Cycles counted.
+    pub cycles: u64,
+    /// From the awaited deadline to the cycle's begin.
+    pub lateness: Quantiles,
+    /// From the cycle's begin to its end.
+    pub execution: Quantiles,
+    /// From exposure to the cycle that uses the poses.
+    pub pose_age: Quantiles,
+    /// From the exposure of fresh poses to the command computed from them.
+    pub pose_to_command: Quantiles,
+}
+
 /// A view of the daemon for anyone who looks; never a command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
@@ -116,6 +146,10 @@ pub struct StatusMessage {
     pub lateness_max_us: f64,
     /// Age of the newest poses; negative when there are none.
     pub pose_age_us: f64,
+    /// Timing of all cycles.
+    pub timing: LoopTiming,
+    /// Margin of stability of the model's equilibrium: 1 at rest, 0 where the rod snaps through.
+    pub stability_margin: f64,
     /// Entries of the direction arrays in use.
     pub magnet_count: u32,
     /// Entries of the current arrays in use.

@@ -6,7 +6,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonServices, DriverEnd, PrivateRoot};
+use magsteer_hal::channels::{DaemonServices, DriverEnd, Endpoint, PrivateRoot};
 use magsteer_hal::scripted::example_description;
 use magsteer_hal::{
     Actuation, Authority, CoilFeedback, CommandGuard, Gate, Hardware, POSE_PARAMETERS_MAX, PoseMessage, Stamp,
@@ -50,8 +50,8 @@ fn allocations(work: impl FnOnce()) -> u64 {
 fn each_sent_message_costs_one_allocation_and_everything_else_none() {
     const CYCLES: u64 = 1000;
     let description = example_description();
-    let root = PrivateRoot::create("ms").expect("a directory");
-    let endpoint = root.endpoint(&description.rig).expect("an endpoint");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
+    let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
     let mut driver = DriverEnd::create(&endpoint).expect("a driver");
     let services = DaemonServices::open(&endpoint, Duration::from_secs(5)).expect("a driver");
     let mut daemon = services.into_ports(&description).expect("ports");

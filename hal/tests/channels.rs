@@ -16,8 +16,8 @@ const WAIT: Duration = Duration::from_secs(5);
 
 /// A root of its own; the endpoint outlives no test.
 fn endpoint() -> (PrivateRoot, Endpoint) {
-    let root = PrivateRoot::create("ms").expect("a directory");
-    let endpoint = root.endpoint("example").expect("an endpoint");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
+    let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
     (root, endpoint)
 }
 
@@ -144,7 +144,7 @@ fn restarted_daemon_reaches_the_driver_that_stayed() {
 #[test]
 fn two_rigs_under_one_root_do_not_hear_each_other() {
     let (root, endpoint) = endpoint();
-    let other = root.endpoint("other").expect("an endpoint");
+    let other = Endpoint::new("other", Some(root.path())).expect("an endpoint");
     let (mut driver, mut other_driver) =
         (DriverEnd::create(&endpoint).expect("a driver"), DriverEnd::create(&other).expect("a driver"));
     let (mut first, mut second) = (daemon(&endpoint), daemon(&other));
@@ -230,7 +230,8 @@ fn client_of_a_daemon_that_left_is_told_that_there_is_none() {
     let server = OperatorServices::create(&endpoint).expect("services").into_server().expect("a server");
     let mut client = OperatorClient::open(&endpoint, WAIT).expect("a daemon");
     drop(server);
-    let refused = client.send(OperatorRequest::default(), WAIT).expect_err("nobody there");
+    let refused =
+        client.send(OperatorRequest::default(), Duration::from_millis(20)).expect_err("nobody there");
     assert!(matches!(refused, ClientError::NoDaemon), "{refused}");
     drop(client);
     let refused = OperatorClient::open(&endpoint, Duration::from_millis(20)).expect_err("nobody there");

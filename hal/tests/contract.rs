@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, PrivateRoot};
+use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, PrivateRoot};
 use magsteer_hal::conformance::{Clause, Rig, Violation, run};
 use magsteer_hal::scripted::{EchoHardware, example_description};
 use magsteer_hal::{
@@ -102,8 +102,8 @@ struct ChannelRig {
 impl ChannelRig {
     fn new() -> Self {
         let description = example_description();
-        let root = PrivateRoot::create("ms").expect("a directory");
-        let endpoint = root.endpoint(&description.rig).expect("an endpoint");
+        let root = PrivateRoot::create("magsteer-test").expect("a root");
+        let endpoint = Endpoint::new(&description.rig, Some(root.path())).expect("an endpoint");
         let end = DriverEnd::create(&endpoint).expect("a driver");
         let guard = CommandGuard::new(&description, &[0.0; POSE_PARAMETERS_MAX]);
         let services = DaemonServices::open(&endpoint, Duration::from_secs(5)).expect("a driver");

@@ -5,7 +5,10 @@ use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, PrivateRoot};
+use magsteer_hal::channels::{
+    DaemonEnd, DaemonServices, DriverEnd, Endpoint, OperatorClient, OperatorServices, PrivateRoot,
+};
+use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, verb};
 use magsteer_hal::scripted::example_description;
 use magsteer_hal::{Authority, Gate, Hardware, MagnetPose, PoseMessage, Stamp};
 
@@ -50,7 +53,18 @@ fn victim() {
         let _ = std::io::stdin().read_line(&mut String::new());
         std::process::exit(0);
     });
-    if role == "driver" {
+    if role == "operators" {
+        let services = OperatorServices::create(&endpoint).expect("services");
+        let mut server = services.into_server().expect("a server");
+        loop {
+            while let Some(incoming) = server.next_request() {
+                let epoch = u64::from(std::process::id());
+                // The client may have given up.
+                let _ = incoming.answer(OperatorAnswer { accepted: 1, epoch, ..OperatorAnswer::default() });
+            }
+            thread::sleep(Duration::from_micros(300));
+        }
+    } else if role == "driver" {
         let mut driver = DriverEnd::create(&endpoint).expect("a driver");
         loop {
             publish(&mut driver);
@@ -98,21 +112,21 @@ fn until<T>(mut poll: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-/// The epoch of the driver whose poses arrive now.
-fn heard_driver(daemon: &mut DaemonEnd, after: u64) -> u64 {
+/// Waits for poses of a driver that started after `after`.
+fn heard_driver(daemon: &mut DaemonEnd, after: u64) {
     until(|| {
         let reading = daemon.read(Stamp::now()).pose;
-        reading.last.filter(|pose| reading.fresh && pose.header.epoch > after).map(|pose| pose.header.epoch)
-    })
+        reading.last.filter(|pose| reading.fresh && pose.header.epoch > after)
+    });
 }
 
-/// Meets a command of a daemon that was claimed after `after`.
-fn heard_daemon(driver: &mut DriverEnd, after: u64) -> u64 {
+/// Waits for a command of a daemon that claimed after `after`.
+fn heard_daemon(driver: &mut DriverEnd, after: u64) {
     until(|| {
         publish(driver);
         let command = driver.take_command(Stamp::now());
-        command.map(|command| command.header.epoch).filter(|epoch| *epoch > after)
-    })
+        command.filter(|command| command.header.epoch > after)
+    });
 }
 
 /// Moments to kill at, before, while and after the victim joins; milliseconds.
@@ -120,23 +134,24 @@ const MOMENTS: [u64; 8] = [0, 2, 4, 6, 9, 13, 20, 60];
 
 #[test]
 fn killed_drivers_are_followed_by_another_that_the_daemon_hears() {
-    let root = PrivateRoot::create("ms").expect("a directory");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let first = Victim::start("driver", root.path());
     let mut daemon = daemon(&endpoint(root.path()));
-    let mut epoch = heard_driver(&mut daemon, 0);
+    heard_driver(&mut daemon, 0);
     drop(first);
     for moment in MOMENTS {
         let hasty = Victim::start("driver", root.path());
         thread::sleep(Duration::from_millis(moment));
         drop(hasty);
+        let dead = Stamp::now().nanoseconds();
         let _next = Victim::start("driver", root.path());
-        epoch = heard_driver(&mut daemon, epoch.max(Stamp::now().nanoseconds()));
+        heard_driver(&mut daemon, dead);
     }
 }
 
 #[test]
 fn killed_daemons_are_followed_by_another_that_the_driver_hears() {
-    let root = PrivateRoot::create("ms").expect("a directory");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let mut driver = DriverEnd::create(&endpoint(root.path())).expect("a driver");
     let first = Victim::start("daemon", root.path());
     heard_daemon(&mut driver, 0);
@@ -145,26 +160,46 @@ fn killed_daemons_are_followed_by_another_that_the_driver_hears() {
         let hasty = Victim::start("daemon", root.path());
         thread::sleep(Duration::from_millis(moment));
         drop(hasty);
+        let dead = Stamp::now().nanoseconds();
         let _next = Victim::start("daemon", root.path());
-        heard_daemon(&mut driver, Stamp::now().nanoseconds());
+        heard_daemon(&mut driver, dead);
+    }
+}
+
+#[test]
+fn killed_servers_of_operators_are_followed_by_another_that_answers_the_client() {
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
+    let first = Victim::start("operators", root.path());
+    let mut client = OperatorClient::open(&endpoint(root.path()), WAIT).expect("a server");
+    drop(first);
+    for moment in MOMENTS {
+        let hasty = Victim::start("operators", root.path());
+        thread::sleep(Duration::from_millis(moment));
+        drop(hasty);
+        let next = Victim::start("operators", root.path());
+        for verb in [verb::GO, verb::SET_TARGET] {
+            let request = OperatorRequest { verb, ..OperatorRequest::default() };
+            let answer = until(|| client.send(request, Duration::from_millis(200)).ok());
+            assert_eq!(answer.epoch, u64::from(next.0.id()));
+        }
     }
 }
 
 #[test]
 fn both_killed_are_followed_by_both_in_any_order() {
-    let root = PrivateRoot::create("ms").expect("a directory");
+    let root = PrivateRoot::create("magsteer-test").expect("a root");
     let endpoint = endpoint(root.path());
     for (index, moment) in MOMENTS.into_iter().enumerate() {
         let both = (Victim::start("driver", root.path()), Victim::start("daemon", root.path()));
         thread::sleep(Duration::from_millis(moment));
         drop(both);
-        let now = Stamp::now().nanoseconds();
+        let dead = Stamp::now().nanoseconds();
         if index % 2 == 0 {
             let _driver = Victim::start("driver", root.path());
-            heard_driver(&mut daemon(&endpoint), now);
+            heard_driver(&mut daemon(&endpoint), dead);
         } else {
             let _daemon = Victim::start("daemon", root.path());
-            heard_daemon(&mut DriverEnd::create(&endpoint).expect("a driver"), now);
+            heard_daemon(&mut DriverEnd::create(&endpoint).expect("a driver"), dead);
         }
     }
 }

@@ -19,13 +19,15 @@ use serde::Serialize;
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::output;
-use super::play::{Played, Session, table};
+use super::play::{Played, Session, table, timing_line};
 use super::rig_file::channel_failure;
 use super::shipped;
 use super::sim_plant::PlantReport;
 
 /// How long plant and daemon may take to appear.
 const START_WAIT: Duration = Duration::from_secs(20);
+/// How long the rig may take until it can be armed.
+const READY_WAIT: Duration = Duration::from_secs(5);
 /// How long to wait for the daemon between two looks at the children and at signals.
 const LOOK: Duration = Duration::from_millis(250);
 /// How long a child may take to ramp down and end.
@@ -122,21 +124,7 @@ impl Demo {
                 plant,
             });
         }
-        let timing = &daemon.timing;
-        let mut text = format!("\n{}\n", table(played));
-        text += &format!(
-            "loop at {:.0} Hz: {} cycles, {} missed; lateness p50 {:.0} us, p99 {:.0} us, max {:.0} us; \
-             execution p50 {:.0} us, p99 {:.0} us, max {:.0} us\n",
-            timing.rate_hz,
-            timing.cycles,
-            timing.missed,
-            timing.lateness_us.p50,
-            timing.lateness_us.p99,
-            timing.lateness_us.max,
-            timing.execution_us.p50,
-            timing.execution_us.p99,
-            timing.execution_us.max,
-        );
+        let mut text = format!("\n{}\n{}", table(played), timing_line(&daemon.timing));
         text += &format!(
             "plant: {} commands beyond a limit, largest current {:.2} A\n",
             plant.limit_breaks, plant.current_max_a
@@ -190,7 +178,7 @@ impl Rig {
         stop: &StopFlag,
     ) -> anyhow::Result<Option<Played>> {
         let Some(mut session) = self.ready(stop)? else { return Ok(None) };
-        session.request(verb::ARM, "arm")?;
+        session.arm(READY_WAIT)?;
         session.request(verb::GO, "go")?;
         let played = session.play(experiment, magnets, stop).map_err(|error| self.explain(error))?;
         Ok(stop.requested().is_none().then_some(played))

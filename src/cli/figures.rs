@@ -63,6 +63,8 @@ pub fn angles_against_time(
 ) -> anyhow::Result<()> {
     let mut panels = Vec::new();
     let mut layouts = Vec::new();
+    let last = angles.iter().filter_map(|history| history.measured.last());
+    let time_max = last.fold(0.0_f64, |most, point| most.max(point.0)).ceil();
     for history in angles {
         let curve = |points: &[(f64, f64)], color: &str, width: f64| {
             LinePlot::new().with_data(points.to_vec()).with_color(color).with_stroke_width(width)
@@ -73,7 +75,8 @@ pub fn angles_against_time(
             curve(&history.desired, DESIRED_COLOR, 1.4).with_dashed().into(),
         ];
         let label = format!("angle of {} (deg)", history.magnet);
-        layouts.push(Layout::auto_from_plots(&plots).with_x_label("time (s)").with_y_label(label));
+        let layout = Layout::auto_from_plots(&plots).with_x_label("time (s)").with_y_label(label);
+        layouts.push(layout.with_x_axis_min(0.0).with_x_axis_max(time_max));
         panels.push(plots);
     }
     if !currents.is_empty() {
@@ -90,6 +93,8 @@ pub fn angles_against_time(
         let layout = Layout::auto_from_plots(&plots)
             .with_x_label("time (s)")
             .with_y_label("coil current (A)")
+            .with_x_axis_min(0.0)
+            .with_x_axis_max(time_max)
             .with_y_axis_min(-1.1 * current_limit_a)
             .with_y_axis_max(1.1 * current_limit_a)
             .with_reference_line(limit(current_limit_a))
@@ -113,6 +118,7 @@ pub fn angles_against_time(
         .with_plots(panels)
         .with_layouts(layouts)
         .with_cell_size(900.0, 260.0)
+        .with_padding(30.0)
         .with_shared_legend_entries(legend.to_vec())
         .with_shared_legend_position(FigureLegendPosition::TopCenter)
         .with_keep_panel_legends();
@@ -162,6 +168,7 @@ pub fn side_views(path: &Path, views: &[SideView]) -> anyhow::Result<()> {
         .with_plots(panels)
         .with_layouts(layouts)
         .with_cell_size(330.0, height)
+        .with_padding(30.0)
         .with_shared_legend_entries(legend)
         .with_shared_legend_position(FigureLegendPosition::TopCenter);
     write(path, figure)

@@ -15,6 +15,7 @@ mod field;
 mod figures;
 mod operator;
 mod output;
+#[cfg(feature = "sim")]
 mod play;
 mod rig_file;
 mod run;

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, bail};
 use magsteer::config::Experiment;
-use magsteer::daemon::StopFlag;
-use magsteer::daemon::step_response::{Observation, StepResponse, judge, polar_angle};
+use magsteer::daemon::step_response::{Observation, StepResponse, judge};
+use magsteer::daemon::target::angle_from_z_deg;
+use magsteer::daemon::{LatencySummary, StopFlag, TimingSummary};
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
 use magsteer_hal::message::PoseMessage;
 use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, StatusMessage, state, verb};
@@ -24,9 +25,10 @@ const POLL: Duration = Duration::from_millis(5);
 /// How often the live line is drawn anew.
 const REDRAW: Duration = Duration::from_millis(100);
 
-type Directions = [[f64; 3]; MAGNETS_MAX];
+pub type Directions = [[f64; 3]; MAGNETS_MAX];
 
 /// One status of the daemon, as far as pictures need it.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct Sample {
     /// Time since the experiment began, s.
     pub time_s: f64,
@@ -41,14 +43,18 @@ pub struct Sample {
 }
 
 /// One step as it was played.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct PlayedStep {
     /// How it went.
     pub response: StepResponse,
-    /// The last status of the step.
-    pub end: StatusMessage,
+    /// Its targets.
+    pub target: Directions,
+    /// When it ended, s since the experiment began.
+    pub end_s: f64,
 }
 
 /// An experiment as it was played.
+#[cfg_attr(not(feature = "figures"), expect(dead_code, reason = "pictures alone read all of it"))]
 pub struct Played {
     /// Every step, in order.
     pub steps: Vec<PlayedStep>,
@@ -56,6 +62,8 @@ pub struct Played {
     pub samples: Vec<Sample>,
     /// True when steps were judged by the plant's true poses, false when by measured ones.
     pub judged_by_truth: bool,
+    /// Timing of the daemon's loop so far; `None` when nothing was heard of it.
+    pub timing: Option<TimingSummary>,
 }
 
 impl Played {
@@ -92,6 +100,29 @@ impl Session {
     /// When the daemon does not answer, or refuses: the message carries its reason.
     pub fn request(&mut self, verb: u32, name: &str) -> anyhow::Result<()> {
         self.send(OperatorRequest { verb, ..OperatorRequest::default() }, name)
+    }
+
+    /// Arms, again and again for up to `wait`: a rig that has just started may not have seen its first poses yet.
+    ///
+    /// # Errors
+    /// The last refusal.
+    pub fn arm(&mut self, wait: Duration) -> anyhow::Result<()> {
+        let deadline = Instant::now() + wait;
+        loop {
+            match self.request(verb::ARM, "arm") {
+                Err(_) if Instant::now() < deadline => std::thread::sleep(10 * POLL),
+                outcome => return outcome,
+            }
+        }
+    }
+
+    /// Waits for a status of any state.
+    ///
+    /// # Errors
+    /// When none comes within `wait`.
+    pub fn wait_for_status(&mut self, wait: Duration) -> anyhow::Result<StatusMessage> {
+        use state::{ACTIVE, ARMED, BOOT, FAULT, HOLDING, IDLE, SAFE_STOP};
+        self.wait_for(&[BOOT, IDLE, ARMED, ACTIVE, HOLDING, SAFE_STOP, FAULT], wait)
     }
 
     /// Waits until the daemon is in one of `states`.
@@ -139,12 +170,14 @@ impl Session {
             self.send(request, "target")?;
             let label = format!("step {}/{}", index + 1, experiment.steps.len());
             let duration = Duration::from_secs_f64(step.duration_s);
-            let Some(played) = self.play_step(&label, &target[..magnets.len()], duration, stop)? else {
+            let Some(response) = self.play_step(&label, &target[..magnets.len()], duration, stop)? else {
                 break;
             };
-            steps.push(played);
+            let end_s = Stamp::now().since(self.begin).as_secs_f64();
+            steps.push(PlayedStep { response, target, end_s });
         }
-        Ok(Played { steps, samples: self.samples, judged_by_truth: self.truth.is_some() })
+        let timing = self.client.newest_status(Stamp::now()).map(|status| TimingSummary::of_status(&status));
+        Ok(Played { steps, samples: self.samples, judged_by_truth: self.truth.is_some(), timing })
     }
 
     /// Watches one step to its end; `None` when it was broken off.
@@ -154,7 +187,7 @@ impl Session {
         target: &[[f64; 3]],
         duration: Duration,
         stop: &StopFlag,
-    ) -> anyhow::Result<Option<PlayedStep>> {
+    ) -> anyhow::Result<Option<StepResponse>> {
         let mut line = LiveLine::new();
         let begin = Stamp::now();
         let mut watched = Watched::new(begin);
@@ -187,7 +220,7 @@ impl Session {
         };
         line.draw(|| live(label, begin, target, &end, watched.lateness_max_us), Duration::ZERO);
         line.end();
-        Ok(Some(PlayedStep { response: judge(target, &watched.observations), end }))
+        Ok(Some(judge(target, &watched.observations)))
     }
 
     /// Takes over what arrived: statuses for pictures, and what the step is judged by.
@@ -297,7 +330,8 @@ fn live(
     lateness_max_us: f64,
 ) -> String {
     let degrees = |directions: &[[f64; 3]]| -> String {
-        directions.iter().map(|direction| format!("{:6.1}", polar_angle(direction).to_degrees())).collect()
+        let shown = |direction| format!("{:6.1}", angle_from_z_deg(direction).unwrap_or(f64::NAN));
+        directions.iter().map(shown).collect()
     };
     let coils = (status.coil_count as usize).min(status.measured.current_a.len());
     let currents: String =
@@ -342,6 +376,22 @@ impl LiveLine {
             output::note(&self.text);
         }
     }
+}
+
+/// A line on the loop's timing.
+pub fn timing_line(timing: &TimingSummary) -> String {
+    let row = |latency: &LatencySummary| {
+        format!("p50 {:.0} us, p99 {:.0} us, max {:.0} us", latency.p50, latency.p99, latency.max)
+    };
+    format!(
+        "loop at {:.0} Hz: {} cycles, {} missed; lateness {}; execution {}; pose to command {}\n",
+        timing.rate_hz,
+        timing.cycles,
+        timing.missed,
+        row(&timing.lateness_us),
+        row(&timing.execution_us),
+        row(&timing.pose_to_command_us),
+    )
 }
 
 /// The table of an experiment's steps.

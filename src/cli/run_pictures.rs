@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use magsteer::config::Config;
-use magsteer::daemon::step_response::polar_angle;
+use magsteer::daemon::target::angle_from_z_deg;
 use magsteer::magnetics::CoilArray;
 use magsteer::rod::{Manipulator, Pass, PassMode, Station, TipLoad};
+use magsteer_hal::Actuation;
 use nalgebra::Vector3;
 
 use super::figures::{AngleHistory, CurrentHistory, SideView, angles_against_time, side_views};
@@ -45,9 +46,18 @@ pub fn draw(folder: &Path, config: &Config, played: &Played) -> anyhow::Result<V
     files.push(path);
     if let Some(manipulator) = &config.manipulator {
         let path = folder.join("side-views.png");
-        let array = CoilArray::new(rig);
-        let views: Vec<SideView> =
-            played.steps.iter().map(|step| side_view(step, &array, manipulator)).collect();
+        let mut shapes = Shapes::at_rest(CoilArray::new(rig), manipulator);
+        let mut samples = played.samples.iter().peekable();
+        let views: Vec<SideView> = played
+            .steps
+            .iter()
+            .map(|step| {
+                while let Some(sample) = samples.next_if(|sample| sample.time_s <= step.end_s) {
+                    shapes.follow(&sample.actuation);
+                }
+                shapes.side_view(step)
+            })
+            .collect();
         side_views(&path, &views)?;
         files.push(path);
     }
@@ -56,7 +66,10 @@ pub fn draw(folder: &Path, config: &Config, played: &Played) -> anyhow::Result<V
 
 fn angle_history(index: usize, magnet: &str, samples: &[Sample]) -> AngleHistory {
     let curve = |of: fn(&Sample) -> &[[f64; 3]; magsteer_hal::MAGNETS_MAX]| {
-        samples.iter().map(|sample| (sample.time_s, polar_angle(&of(sample)[index]).to_degrees())).collect()
+        samples
+            .iter()
+            .filter_map(|sample| Some((sample.time_s, angle_from_z_deg(&of(sample)[index])?)))
+            .collect()
     };
     AngleHistory {
         magnet: magnet.to_owned(),
@@ -66,29 +79,49 @@ fn angle_history(index: usize, magnet: &str, samples: &[Sample]) -> AngleHistory
     }
 }
 
-/// The shape that the model finds for the actuation measured at the step's end.
-fn side_view(step: &PlayedStep, array: &CoilArray, manipulator: &Manipulator) -> SideView {
-    let actuation = &step.end.measured;
-    let posed = array.posed(&actuation.angle_rad);
-    let field = posed.actuated(&actuation.current_a[..array.coil_count()]);
-    let mut pass = Pass::new(manipulator);
-    manipulator.solve_from_rest(&field, &TipLoad::NONE, PassMode::default(), &mut pass);
-    let stations = manipulator.shape(&pass);
-    let in_plane = |position: &Vector3<f64>| (position.x * 1e3, position.z * 1e3);
-    let targets = pass.magnets().iter().zip(&step.end.target_direction).map(|(magnet, direction)| {
-        let (x, z) = in_plane(&magnet.position());
-        let reach = [-TARGET_REACH_MM, TARGET_REACH_MM];
-        reach.map(|length| (x + length * direction[0], z + length * direction[2]))
-    });
-    let angles: Vec<String> = step.response.target_deg.iter().map(|angle| format!("{angle:.0}")).collect();
-    SideView {
-        title: format!("({}) deg", angles.join(", ")),
-        centre_line: stations.iter().map(|station| in_plane(&station.position)).collect(),
-        magnets: stations
-            .windows(2)
-            .filter(|pair| pair[1].magnet.is_some())
-            .map(|pair| [&pair[0], &pair[1]].map(|station: &Station| in_plane(&station.position)))
-            .collect(),
-        targets: targets.collect(),
+/// The model's shape, followed along the measured actuation: where several equilibria exist for the same currents, the one
+/// that the rod came to.
+struct Shapes<'a> {
+    array: CoilArray,
+    manipulator: &'a Manipulator,
+    pass: Pass,
+}
+
+impl<'a> Shapes<'a> {
+    fn at_rest(array: CoilArray, manipulator: &'a Manipulator) -> Self {
+        let mut pass = Pass::new(manipulator);
+        let posed = array.posed(&[]);
+        manipulator.solve_from_rest(&posed.actuated(&[]), &TipLoad::NONE, PassMode::default(), &mut pass);
+        Self { array, manipulator, pass }
+    }
+
+    /// Moves on to the equilibrium at `actuation` that lies nearest.
+    fn follow(&mut self, actuation: &Actuation) {
+        let posed = self.array.posed(&actuation.angle_rad);
+        let field = posed.actuated(&actuation.current_a);
+        let guess = self.pass.unknowns();
+        self.manipulator.solve(&field, &TipLoad::NONE, &guess, PassMode::default(), &mut self.pass);
+    }
+
+    fn side_view(&self, step: &PlayedStep) -> SideView {
+        let stations = self.manipulator.shape(&self.pass);
+        let in_plane = |position: &Vector3<f64>| (position.x * 1e3, position.z * 1e3);
+        let targets = self.pass.magnets().iter().zip(&step.target).map(|(magnet, direction)| {
+            let (x, z) = in_plane(&magnet.position());
+            let reach = [-TARGET_REACH_MM, TARGET_REACH_MM];
+            reach.map(|length| (x + length * direction[0], z + length * direction[2]))
+        });
+        let angles: Vec<String> =
+            step.response.target_deg.iter().map(|angle| format!("{angle:.0}")).collect();
+        SideView {
+            title: format!("({}) deg", angles.join(", ")),
+            centre_line: stations.iter().map(|station| in_plane(&station.position)).collect(),
+            magnets: stations
+                .windows(2)
+                .filter(|pair| pair[1].magnet.is_some())
+                .map(|pair| [&pair[0], &pair[1]].map(|station: &Station| in_plane(&station.position)))
+                .collect(),
+            targets: targets.collect(),
+        }
     }
 }

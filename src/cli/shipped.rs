@@ -15,11 +15,14 @@ pub fn config(file: Option<&Path>) -> Result<Document, Problems> {
 }
 
 /// The experiment that is meant when none is named.
+#[cfg(feature = "sim")]
 const EXPERIMENT: &str = "config/experiments/planar.toml";
 /// The same, for a working directory that does not have it.
+#[cfg(feature = "sim")]
 const EXPERIMENT_TEXT: &str = include_str!("../../config/experiments/planar.toml");
 
 /// Reads the experiment named, else the default one, else the copy of it in this program.
+#[cfg(feature = "sim")]
 pub fn experiment(file: Option<&Path>) -> Result<Document, Problems> {
     read(file, EXPERIMENT, EXPERIMENT_TEXT)
 }

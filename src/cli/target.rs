@@ -1,16 +1,25 @@
 //! `magsteer target`: where the magnets are to point.
 
+use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::{Args, Subcommand};
+use magsteer::config::Experiment;
+use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::target::{AngleTarget, directions};
+use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::Stamp;
 use magsteer_hal::channels::OperatorClient;
-use magsteer_hal::operator::{OperatorRequest, StatusMessage, verb};
+use magsteer_hal::operator::{OperatorRequest, StatusMessage, state, verb};
+use serde::Serialize;
 
 use super::actuation::Numbers;
+use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::operator::{connect, request};
+use super::output;
+use super::play::{Session, table, timing_line};
 use super::rig_file::RigArgs;
 
 /// How long to wait for a status of a daemon that is there.
@@ -26,6 +35,7 @@ pub struct Target {
 #[derive(Debug, Subcommand)]
 enum Action {
     Set(Set),
+    Play(Play),
 }
 
 /// Set the angles of magnets from global z.
@@ -54,7 +64,82 @@ impl Target {
     pub fn run(&self) -> anyhow::Result<Exit> {
         match &self.action {
             Action::Set(set) => set.run(),
+            Action::Play(play) => play.run(),
         }
+    }
+}
+
+/// Play an experiment: set its targets one after another, and judge how each was reached.
+///
+/// The daemon must be steering (`arm`, `go`). Steps are judged by measured tangents, or by the true ones of a simulated rig. The last
+/// targets stay set. Ends with 0 when every step settled, with 1 when one did not or the daemon stopped steering.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  magsteer arm && magsteer go && magsteer target play config/experiments/planar.toml"
+)]
+struct Play {
+    /// Experiment (TOML).
+    #[arg(value_name = "STEPS")]
+    experiment: PathBuf,
+    #[command(flatten)]
+    rig: RigArgs,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The stable keys are those of `demo --json`; `files` is empty.
+#[derive(Serialize)]
+struct PlayAnswer<'a> {
+    all_settled: bool,
+    steps: Vec<&'a StepResponse>,
+    #[serde(rename = "loop")]
+    timing: Option<&'a TimingSummary>,
+    files: [&'a str; 0],
+    judged_by_truth: bool,
+}
+
+impl Play {
+    fn run(&self) -> anyhow::Result<Exit> {
+        let description = self.rig.load(None)?.description;
+        let magnets: Vec<&str> = description.magnets().map(|magnet| magnet.name.as_str()).collect();
+        let experiment = Experiment::load(&self.experiment, &magnets)?;
+        let endpoint = self.rig.endpoint(None)?;
+        let stop = Arc::new(StopFlag::new());
+        let played = watching(
+            &stop,
+            false,
+            || (),
+            || {
+                let mut session = Session::open(&endpoint, STATUS_WAIT)?;
+                let status = session.wait_for_status(STATUS_WAIT)?;
+                if !matches!(status.state, state::ACTIVE | state::HOLDING) {
+                    let message = anyhow::anyhow!(
+                        "the daemon is {}: arm it and let it go before playing",
+                        state::name(status.state)
+                    );
+                    return Err(Failure::with(Exit::No, message));
+                }
+                session.play(&experiment, &magnets, &stop)
+            },
+        )??;
+        if stop.requested().is_some() {
+            output::note("broken off; the last targets stay set");
+            return Ok(exit_of(&stop));
+        }
+        if self.json {
+            output::json(&PlayAnswer {
+                all_settled: played.all_settled(),
+                steps: played.steps.iter().map(|step| &step.response).collect(),
+                timing: played.timing.as_ref(),
+                files: [],
+                judged_by_truth: played.judged_by_truth,
+            })?;
+        } else {
+            let timing = played.timing.as_ref().map_or(String::new(), timing_line);
+            output::result(format_args!("\n{}\n{timing}", table(&played)))?;
+        }
+        Ok(if played.all_settled() { Exit::Success } else { Exit::No })
     }
 }
 

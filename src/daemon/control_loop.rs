@@ -21,6 +21,7 @@ use magsteer_hal::{
 use super::clock::Tick;
 use super::config::DaemonConfig;
 use super::state::{Directive, Request, State};
+use super::statistics::CycleTiming;
 use super::supervisor::{Decision, Supervisor};
 use super::watch::{DriverView, Observation};
 use crate::control::{CycleInput, CycleOutcome, Directions, Step};
@@ -69,6 +70,20 @@ impl CycleRecord {
     #[must_use]
     pub fn pose_stamp(&self) -> Option<Stamp> {
         self.input.pose.as_ref().map(|pose| pose.header.source_stamp())
+    }
+
+    /// The times of the cycle, once [`Self::execution`] is filled in.
+    #[must_use]
+    pub fn timing(&self) -> CycleTiming {
+        let exposed = self.pose_stamp().filter(|_| self.answers_fresh_poses());
+        let end = self.tick.now.after(self.execution);
+        CycleTiming {
+            lateness: self.tick.lateness,
+            execution: self.execution,
+            missed: self.tick.missed,
+            pose_age: self.pose_age(),
+            pose_to_command: exposed.map(|stamp| end.since(stamp)),
+        }
     }
 
     /// True when a command computed from poses that came in this cycle was sent.

@@ -10,10 +10,10 @@ use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::{Hardware, Stamp};
 use rtrb::{Consumer, Producer};
 
-use super::clock::{Clock, Tick};
+use super::clock::Clock;
 use super::control_loop::{ControlLoop, CycleRecord};
 use super::state::{Answer, Request, Verb};
-use super::statistics::{CycleTiming, Statistics, TimingSummary};
+use super::statistics::{Statistics, TimingSummary};
 use crate::control::Step;
 
 /// Asks a running daemon to ramp down and end; may be set from any thread.
@@ -138,9 +138,8 @@ pub fn run_loop<H: Hardware, S: Step>(
             let _ = control_loop.request(request);
         }
         let mut record = control_loop.cycle(tick);
-        let end = Stamp::now();
-        record.execution = end.since(tick.now);
-        statistics.record(&timing(&tick, &record, end));
+        record.execution = Stamp::now().since(tick.now);
+        statistics.record(&record.timing());
         ramps.take(&record);
         hand_on(&mut rings, &record, counters);
         if control_loop.has_ended(tick.now) {
@@ -154,17 +153,6 @@ pub fn run_loop<H: Hardware, S: Step>(
                 limit_breaks: feedback.limit_breaks,
             };
         }
-    }
-}
-
-fn timing(tick: &Tick, record: &CycleRecord, end: Stamp) -> CycleTiming {
-    let exposed = record.pose_stamp().filter(|_| record.answers_fresh_poses());
-    CycleTiming {
-        lateness: tick.lateness,
-        execution: record.execution,
-        missed: tick.missed,
-        pose_age: record.pose_age(),
-        pose_to_command: exposed.map(|stamp| end.since(stamp)),
     }
 }
 

@@ -9,6 +9,7 @@
 use std::time::Duration;
 
 use hdrhistogram::Histogram;
+use magsteer_hal::operator::{LoopTiming, Quantiles, StatusMessage};
 use serde::{Deserialize, Serialize};
 
 /// Longest time that is told apart, 60 s in ns.
@@ -46,6 +47,47 @@ pub struct TimingSummary {
     pub pose_age_us: LatencySummary,
     /// From exposure to command, for each command computed from fresh poses.
     pub pose_to_command_us: LatencySummary,
+}
+
+impl From<LatencySummary> for Quantiles {
+    fn from(LatencySummary { p50, p99, p999, max }: LatencySummary) -> Self {
+        Self { p50_us: p50, p99_us: p99, p999_us: p999, max_us: max }
+    }
+}
+
+impl From<Quantiles> for LatencySummary {
+    fn from(Quantiles { p50_us, p99_us, p999_us, max_us }: Quantiles) -> Self {
+        Self { p50: p50_us, p99: p99_us, p999: p999_us, max: max_us }
+    }
+}
+
+impl From<TimingSummary> for LoopTiming {
+    fn from(summary: TimingSummary) -> Self {
+        Self {
+            cycles: summary.cycles,
+            lateness: summary.lateness_us.into(),
+            execution: summary.execution_us.into(),
+            pose_age: summary.pose_age_us.into(),
+            pose_to_command: summary.pose_to_command_us.into(),
+        }
+    }
+}
+
+impl TimingSummary {
+    /// The timing that a status message carries.
+    #[must_use]
+    pub fn of_status(status: &StatusMessage) -> Self {
+        let timing = &status.timing;
+        Self {
+            rate_hz: status.rate_hz,
+            cycles: timing.cycles,
+            missed: status.missed,
+            lateness_us: timing.lateness.into(),
+            execution_us: timing.execution.into(),
+            pose_age_us: timing.pose_age.into(),
+            pose_to_command_us: timing.pose_to_command.into(),
+        }
+    }
 }
 
 /// The times of one cycle.

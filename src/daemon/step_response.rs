@@ -8,6 +8,7 @@ use magsteer_hal::MAGNETS_MAX;
 use nalgebra::Vector3;
 use serde::Serialize;
 
+use super::target::angle_from_z_deg;
 use crate::math::angle_between;
 
 /// Greatest error of a settled magnet, rad.
@@ -41,12 +42,6 @@ pub struct StepResponse {
     pub current_max_a: f64,
 }
 
-/// Angle of a direction from global z, rad.
-#[must_use]
-pub fn polar_angle(direction: &[f64; 3]) -> f64 {
-    angle_between(&Vector3::z(), &Vector3::from(*direction))
-}
-
 /// Judges a step towards `target` (one unit vector a magnet) from its observations in order of time.
 #[must_use]
 pub fn judge(target: &[[f64; 3]], observations: &[Observation]) -> StepResponse {
@@ -66,21 +61,26 @@ pub fn judge(target: &[[f64; 3]], observations: &[Observation]) -> StepResponse 
     let count = judged.len() as f64;
     let mean = |magnet: usize| {
         let signed = |observation: &&Observation| {
-            polar_angle(&observation.tangent[magnet]) - polar_angle(&target[magnet])
+            degrees_from_z(&observation.tangent[magnet]) - degrees_from_z(&target[magnet])
         };
-        (judged.iter().map(signed).sum::<f64>() / count).to_degrees()
+        judged.iter().map(signed).sum::<f64>() / count
     };
     let rms = |magnet: usize| {
         let squares: f64 = judged.iter().map(|observation| error(observation, magnet).powi(2)).sum();
         (squares / count).sqrt().to_degrees()
     };
     StepResponse {
-        target_deg: target.iter().map(|direction| polar_angle(direction).to_degrees()).collect(),
+        target_deg: target.iter().map(degrees_from_z).collect(),
         settled_s,
         error_mean_deg: magnets.clone().map(mean).collect(),
         error_rms_deg: magnets.clone().map(rms).collect(),
         current_max_a: observations.iter().fold(0.0, |most, observation| most.max(observation.current)),
     }
+}
+
+/// Angle from global z; NaN for no direction.
+fn degrees_from_z(direction: &[f64; 3]) -> f64 {
+    angle_from_z_deg(direction).unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]

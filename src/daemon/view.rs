@@ -4,10 +4,11 @@ use std::fmt;
 use std::time::Duration;
 
 use magsteer_hal::message::Header;
-use magsteer_hal::operator::{Cause, StatusMessage, state};
+use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, state};
 use magsteer_hal::{HardwareDescription, Stamp};
 
 use super::control_loop::CycleRecord;
+use super::statistics::Statistics;
 
 /// Over how long the rate of the loop is measured.
 const RATE_WINDOW: Duration = Duration::from_secs(1);
@@ -25,6 +26,8 @@ pub struct StatusView {
     window_begin: Stamp,
     window_cycles: u64,
     rate_measured_hz: f64,
+    statistics: Statistics,
+    timing: LoopTiming,
 }
 
 impl StatusView {
@@ -43,6 +46,8 @@ impl StatusView {
             window_begin: Stamp::default(),
             window_cycles: 0,
             rate_measured_hz: 0.0,
+            statistics: Statistics::new(rate_hz),
+            timing: LoopTiming::default(),
         }
     }
 
@@ -52,6 +57,7 @@ impl StatusView {
             self.window_begin = record.tick.now;
         }
         self.window_cycles += 1;
+        self.statistics.record(&record.timing());
         self.missed += record.tick.missed;
         self.lateness_max = self.lateness_max.max(record.tick.lateness);
         let window = record.tick.now.since(self.window_begin);
@@ -59,6 +65,8 @@ impl StatusView {
             self.rate_measured_hz = self.window_cycles as f64 / window.as_secs_f64();
             self.window_begin = record.tick.now;
             self.window_cycles = 0;
+            // Quantiles are read from thousands of counters: once a second, not once a message.
+            self.timing = self.statistics.summary().into();
         }
         self.newest = Some(*record);
     }
@@ -85,6 +93,8 @@ impl StatusView {
             lateness_us: microseconds(record.tick.lateness),
             lateness_max_us: microseconds(lateness_max.max(record.tick.lateness)),
             pose_age_us: record.pose_age().map_or(-1.0, microseconds),
+            timing: self.timing,
+            stability_margin: outcome.model.margin,
             magnet_count: self.magnet_count,
             coil_count: self.coil_count,
             pose_parameter_count: self.pose_parameter_count,

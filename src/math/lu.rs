@@ -28,7 +28,7 @@ impl<const N: usize> Lu<N> {
     /// Factors `matrix`, given by rows.
     ///
     /// # Errors
-    /// [`Singular`] when a pivot falls below [`PIVOT_MIN`] times the greatest entry, or is not a number.
+    /// [`Singular`] when a pivot falls below `PIVOT_MIN` times the greatest entry, or is not a number.
     pub fn new(mut matrix: [[f64; N]; N]) -> Result<Self, Singular> {
         let greatest = matrix.iter().flatten().fold(0.0_f64, |greatest, entry| greatest.max(entry.abs()));
         let mut order = core::array::from_fn(|i| i);

@@ -124,7 +124,8 @@ impl ThinSvd {
             gamma += a * b;
         }
         // Also false for numbers that are not finite: the sweeps then end at once.
-        if !(gamma.abs() > 1e-15 * (alpha * beta).sqrt()) || gamma == 0.0 {
+        let coupled = gamma != 0.0 && gamma.abs() > 1e-15 * (alpha * beta).sqrt();
+        if !coupled {
             return false;
         }
         let zeta = (beta - alpha) / (2.0 * gamma);

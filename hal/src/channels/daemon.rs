@@ -2,11 +2,10 @@
 
 use std::time::Duration;
 
-use iceoryx2::prelude::{Node, ipc};
-
 use super::endpoint::Endpoint;
 use super::error::{ChannelError, Role};
 use super::lock::RoleLock;
+use super::membership::Membership;
 use super::ports::{Inlet, Outlet};
 use super::service::{COMMAND, FEEDBACK, POSE, Topic, Wait, open_topic};
 use crate::description::HardwareDescription;
@@ -21,7 +20,7 @@ use crate::time::Stamp;
 #[derive(Debug)]
 pub struct DaemonServices {
     lock: RoleLock,
-    node: Node<ipc::Service>,
+    membership: Membership,
     pose: Topic<PoseMessage>,
     feedback: Topic<CoilFeedback>,
     command: Topic<CoilCommand>,
@@ -35,14 +34,14 @@ impl DaemonServices {
     pub fn open(endpoint: &Endpoint, wait: Duration) -> Result<Self, ChannelError> {
         let lock = RoleLock::acquire(endpoint.root(), endpoint.rig(), Role::Daemon)?;
         // The control loop never waits for another process: connections that fail are made anew later.
-        let node = endpoint.node(Duration::ZERO)?;
+        let membership = endpoint.join(Duration::ZERO)?;
         let wait = Wait::new(wait);
         Ok(Self {
             lock,
-            pose: open_topic(&node, endpoint, POSE, Role::Driver, &wait)?,
-            feedback: open_topic(&node, endpoint, FEEDBACK, Role::Driver, &wait)?,
-            command: open_topic(&node, endpoint, COMMAND, Role::Driver, &wait)?,
-            node,
+            pose: open_topic(&membership.node, endpoint, POSE, Role::Driver, &wait)?,
+            feedback: open_topic(&membership.node, endpoint, FEEDBACK, Role::Driver, &wait)?,
+            command: open_topic(&membership.node, endpoint, COMMAND, Role::Driver, &wait)?,
+            membership,
         })
     }
 
@@ -54,11 +53,11 @@ impl DaemonServices {
         Ok(DaemonEnd {
             pose: Inlet::new(self.pose, 1)?,
             feedback: Inlet::new(self.feedback, 1)?,
-            command: Outlet::sole(self.command, &self.node)?,
+            command: Outlet::sole(self.command, &self.membership.node)?,
             pose_receiver: PoseReceiver::new(description),
             feedback_receiver: FeedbackReceiver::new(description),
             writer: CommandWriter::new(description),
-            _node: self.node,
+            _membership: self.membership,
             _lock: self.lock,
         })
     }
@@ -73,7 +72,7 @@ pub struct DaemonEnd {
     pose_receiver: PoseReceiver,
     feedback_receiver: FeedbackReceiver,
     writer: CommandWriter,
-    _node: Node<ipc::Service>,
+    _membership: Membership,
     _lock: RoleLock,
 }
 

@@ -2,11 +2,10 @@
 
 use std::time::Duration;
 
-use iceoryx2::prelude::{Node, ipc};
-
 use super::endpoint::Endpoint;
 use super::error::{ChannelError, Role};
 use super::lock::RoleLock;
+use super::membership::Membership;
 use super::ports::{Inlet, Outlet};
 use super::service::{COMMAND, FEEDBACK, POSE, TRUTH, Topic, create_topic};
 use crate::hardware::WriteError;
@@ -18,7 +17,7 @@ use crate::time::Stamp;
 #[derive(Debug)]
 pub struct DriverServices {
     lock: RoleLock,
-    node: Node<ipc::Service>,
+    membership: Membership,
     pose: Topic<PoseMessage>,
     feedback: Topic<CoilFeedback>,
     command: Topic<CoilCommand>,
@@ -33,14 +32,14 @@ impl DriverServices {
     pub fn create(endpoint: &Endpoint) -> Result<Self, ChannelError> {
         let lock = RoleLock::acquire(endpoint.root(), endpoint.rig(), Role::Driver)?;
         // A driver's loop never waits for another process: connections that fail are made anew later.
-        let node = endpoint.node(Duration::ZERO)?;
+        let membership = endpoint.join(Duration::ZERO)?;
         Ok(Self {
             lock,
-            pose: create_topic(&node, endpoint, POSE)?,
-            feedback: create_topic(&node, endpoint, FEEDBACK)?,
-            command: create_topic(&node, endpoint, COMMAND)?,
-            truth: create_topic(&node, endpoint, TRUTH)?,
-            node,
+            pose: create_topic(&membership.node, endpoint, POSE)?,
+            feedback: create_topic(&membership.node, endpoint, FEEDBACK)?,
+            command: create_topic(&membership.node, endpoint, COMMAND)?,
+            truth: create_topic(&membership.node, endpoint, TRUTH)?,
+            membership,
         })
     }
 
@@ -51,14 +50,14 @@ impl DriverServices {
     pub fn into_ports(self) -> Result<DriverEnd, ChannelError> {
         let epoch = Stamp::now().nanoseconds().max(1);
         Ok(DriverEnd {
-            pose: Outlet::sole(self.pose, &self.node)?,
-            feedback: Outlet::sole(self.feedback, &self.node)?,
-            truth: Outlet::sole(self.truth, &self.node)?,
+            pose: Outlet::sole(self.pose, &self.membership.node)?,
+            feedback: Outlet::sole(self.feedback, &self.membership.node)?,
+            truth: Outlet::sole(self.truth, &self.membership.node)?,
             command: Inlet::new(self.command, 1)?,
             pose_header: HeaderWriter::new(epoch),
             feedback_header: HeaderWriter::new(epoch),
             truth_header: HeaderWriter::new(epoch),
-            _node: self.node,
+            _membership: self.membership,
             _lock: self.lock,
         })
     }
@@ -76,7 +75,7 @@ pub struct DriverEnd {
     pose_header: HeaderWriter,
     feedback_header: HeaderWriter,
     truth_header: HeaderWriter,
-    _node: Node<ipc::Service>,
+    _membership: Membership,
     _lock: RoleLock,
 }
 

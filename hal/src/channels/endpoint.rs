@@ -6,10 +6,12 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use iceoryx2::prelude::{Config, FileName, Node, NodeBuilder, SemanticString, SignalHandlingMode, ipc};
+use iceoryx2::prelude::{Config, FileName, NodeBuilder, SemanticString, SignalHandlingMode, ipc};
 use sha2::{Digest, Sha256};
 
 use super::error::ChannelError;
+use super::membership::{Membership, SEGMENTS, Sweeper};
+use super::service::retried;
 
 /// Environment variable that names the root directory when no argument does.
 pub const ROOT_VARIABLE: &str = "MAGSTEER_ROOT";
@@ -75,14 +77,17 @@ impl Endpoint {
 
     /// Joins the transport under this root. `connection_wait` is how long a port may wait for another process to
     /// finish making its half of a connection; zero where a control loop owns the ports.
-    pub(super) fn node(&self, connection_wait: Duration) -> Result<Node<ipc::Service>, ChannelError> {
+    pub(super) fn join(&self, connection_wait: Duration) -> Result<Membership, ChannelError> {
         let config = self.config(connection_wait)?;
-        super::service::retried("node", || {
+        let refused = |source| ChannelError::Root { path: self.root.clone(), source };
+        let sweeper = Sweeper::start(prefix(&self.root)).map_err(refused)?;
+        let node = retried("node", || {
             NodeBuilder::new()
                 .signal_handling_mode(SignalHandlingMode::Disabled)
                 .config(&config)
                 .create::<ipc::Service>()
-        })
+        })?;
+        Ok(Membership { node, _sweeper: sweeper })
     }
 
     fn config(&self, connection_wait: Duration) -> Result<Config, ChannelError> {
@@ -91,26 +96,23 @@ impl Endpoint {
             path: self.root.clone(),
             source: io::Error::from(io::ErrorKind::InvalidFilename),
         };
-        let prefix = segment_prefix(&self.root);
         let mut config = Config::default();
-        config.global.prefix = FileName::new(prefix.as_bytes()).map_err(unusable)?;
+        config.global.prefix = FileName::new(prefix(&self.root).as_bytes()).map_err(unusable)?;
         config.global.set_root_path(&iceoryx2::prelude::Path::new(root_bytes).map_err(unusable)?);
         config.global.creation_timeout = connection_wait;
         Ok(config)
     }
 }
 
-/// Begin of the names of all segments of a root. They lie flat in /dev/shm: it keeps roots apart there.
-pub(super) fn segment_prefix(root: &Path) -> String {
+/// Start of the name of every segment under `root`. Segments lie flat in one directory: this keeps roots apart there.
+pub(super) fn prefix(root: &Path) -> String {
     let digest = Sha256::digest(root.as_os_str().as_encoded_bytes());
-    format!(
-        "magsteer{TRANSPORT_VERSION}_{:02x}{:02x}{:02x}{:02x}_",
-        digest[0], digest[1], digest[2], digest[3]
-    )
+    let [first, second, third, fourth] = [digest[0], digest[1], digest[2], digest[3]];
+    format!("magsteer{TRANSPORT_VERSION}_{first:02x}{second:02x}{third:02x}{fourth:02x}_")
 }
 
 fn default_root() -> PathBuf {
-    PathBuf::from(format!("/dev/shm/magsteer-{}", rustix::process::getuid().as_raw()))
+    PathBuf::from(format!("{SEGMENTS}/magsteer-{}", rustix::process::getuid().as_raw()))
 }
 
 fn usable_directory(root: PathBuf, own: bool) -> Result<PathBuf, ChannelError> {

@@ -6,7 +6,7 @@ use std::mem::{align_of, offset_of, size_of};
 use sha2::{Digest, Sha256};
 
 use crate::message::{Actuation, CoilCommand, CoilFeedback, Header, MagnetPose, PoseMessage, SCHEMA};
-use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage};
+use crate::operator::{LoopTiming, OperatorAnswer, OperatorRequest, Quantiles, StatusMessage};
 
 /// Renders name, size, alignment and every field's offset. The destructuring stops the build when a field is missing.
 macro_rules! layout {
@@ -50,6 +50,8 @@ fn layouts() -> String {
     );
     layout!(text, OperatorRequest { verb, magnet_count, direction });
     layout!(text, OperatorAnswer { accepted, cause, state, reserved, epoch });
+    layout!(text, Quantiles { p50_us, p99_us, p999_us, max_us });
+    layout!(text, LoopTiming { cycles, lateness, execution, pose_age, pose_to_command });
     layout!(
         text,
         StatusMessage {
@@ -63,6 +65,8 @@ fn layouts() -> String {
             lateness_us,
             lateness_max_us,
             pose_age_us,
+            timing,
+            stability_margin,
             magnet_count,
             coil_count,
             pose_parameter_count,
@@ -99,7 +103,9 @@ mod tests {
             ("CoilFeedback", 48 + 5 * 8 + 4 * 4 + 320),
             ("OperatorRequest", 8 + 8 * 24),
             ("OperatorAnswer", 4 * 4 + 8),
-            ("StatusMessage", 48 + 8 + 7 * 8 + 4 * 4 + 4 * 192 + 2 * 320),
+            ("Quantiles", 4 * 8),
+            ("LoopTiming", 8 + 4 * 32),
+            ("StatusMessage", 48 + 8 + 8 * 8 + 136 + 4 * 4 + 4 * 192 + 2 * 320),
         ];
         let text = layouts();
         for (name, size) in sizes {

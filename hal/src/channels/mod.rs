@@ -8,8 +8,6 @@
 //! | `target/set`, `request` | operator to daemon | request and answer | [`OperatorServer`], [`OperatorClient`] |
 //! | `status` | daemon to whoever looks | stream | as above |
 //!
-//! A rig of one's own, gone without a trace at its end, lives under a [`PrivateRoot`].
-//!
 //! Rules: a rig has one driver and one daemon, held by lock files that die with their process; either may restart at
 //! any time, killed or not, and meets the other again without anybody clearing anything up. Nothing here waits except
 //! opening, which is bounded. Per sent message the transport allocates once; receiving allocates nothing.
@@ -20,6 +18,7 @@ mod endpoint;
 mod error;
 mod layout;
 mod lock;
+mod membership;
 mod operator;
 mod ports;
 mod private_root;

@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::{Node, ipc};
+use iceoryx2::prelude::ipc;
 
 use super::endpoint::Endpoint;
 use super::error::{ChannelError, ClientError, Role};
 use super::lock::RoleLock;
+use super::membership::Membership;
 use super::ports::{Inlet, Outlet};
 use super::service::{
     REQUEST, Requests, STATUS, TARGET_SET, TRUTH, Topic, Wait, create_requests, create_topic, open_requests,
@@ -32,7 +33,7 @@ const CONNECTION_WAIT: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct OperatorServices {
     lock: RoleLock,
-    node: Node<ipc::Service>,
+    membership: Membership,
     request: Requests,
     target_set: Requests,
     status: Topic<StatusMessage>,
@@ -45,13 +46,13 @@ impl OperatorServices {
     /// When the rig's operators are served already, or the transport fails.
     pub fn create(endpoint: &Endpoint) -> Result<Self, ChannelError> {
         let lock = RoleLock::acquire(endpoint.root(), endpoint.rig(), Role::OperatorServer)?;
-        let node = endpoint.node(CONNECTION_WAIT)?;
+        let membership = endpoint.join(CONNECTION_WAIT)?;
         Ok(Self {
-            request: create_requests(&node, endpoint, REQUEST)?,
-            target_set: create_requests(&node, endpoint, TARGET_SET)?,
-            status: create_topic(&node, endpoint, STATUS)?,
+            request: create_requests(&membership.node, endpoint, REQUEST)?,
+            target_set: create_requests(&membership.node, endpoint, TARGET_SET)?,
+            status: create_topic(&membership.node, endpoint, STATUS)?,
             lock,
-            node,
+            membership,
         })
     }
 
@@ -65,7 +66,7 @@ impl OperatorServices {
             target_set: retried(TARGET_SET, || self.target_set.server_builder().create())?,
             status: Outlet::new(self.status)?,
             header: HeaderWriter::new(Stamp::now().nanoseconds().max(1)),
-            _node: self.node,
+            _membership: self.membership,
             _lock: self.lock,
         })
     }
@@ -78,7 +79,7 @@ pub struct OperatorServer {
     target_set: RequestServer,
     status: Outlet<StatusMessage>,
     header: HeaderWriter,
-    _node: Node<ipc::Service>,
+    _membership: Membership,
     _lock: RoleLock,
 }
 
@@ -136,7 +137,7 @@ pub struct OperatorClient {
     target_set_service: Requests,
     status: Inlet<StatusMessage>,
     newest: Option<StatusMessage>,
-    _node: Node<ipc::Service>,
+    _membership: Membership,
 }
 
 impl OperatorClient {
@@ -145,24 +146,24 @@ impl OperatorClient {
     /// # Errors
     /// When no daemon appears in time, or the transport fails.
     pub fn open(endpoint: &Endpoint, wait: Duration) -> Result<Self, ChannelError> {
-        let node = endpoint.node(CONNECTION_WAIT)?;
+        let membership = endpoint.join(CONNECTION_WAIT)?;
         let wait = Wait::new(wait);
-        let request_service = open_requests(&node, endpoint, REQUEST, &wait)?;
-        let target_set_service = open_requests(&node, endpoint, TARGET_SET, &wait)?;
-        let status = open_topic(&node, endpoint, STATUS, Role::Daemon, &wait)?;
+        let request_service = open_requests(&membership.node, endpoint, REQUEST, &wait)?;
+        let target_set_service = open_requests(&membership.node, endpoint, TARGET_SET, &wait)?;
+        let status = open_topic(&membership.node, endpoint, STATUS, Role::Daemon, &wait)?;
         Ok(Self {
             request_service,
             target_set_service,
             status: Inlet::new(status, STATUS.buffer)?,
             newest: None,
-            _node: node,
+            _membership: membership,
         })
     }
 
     /// Sends a request and waits for its answer. Without an answer it must be taken as not done.
     ///
     /// # Errors
-    /// When no daemon serves requests, none answers within `timeout`, or the transport fails.
+    /// When no daemon serves requests or answers within `timeout`, or the transport fails.
     pub fn send(
         &mut self,
         request: OperatorRequest,
@@ -173,10 +174,19 @@ impl OperatorClient {
         } else {
             (&self.request_service, REQUEST)
         };
-        // A client of its own for each request: an answer that comes late has nowhere to go.
-        let client = retried(name, || service.client_builder().create())
-            .map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
-        await_answer(&client, request, timeout)
+        let start = Instant::now();
+        loop {
+            // A client of its own for each request: an answer that comes late has nowhere to go.
+            let client = retried(name, || service.client_builder().create())
+                .map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
+            match await_answer(&client, request, start, timeout) {
+                // It reached nobody, so it may be sent again: the daemon may be about to join.
+                Err(ClientError::NoDaemon) if start.elapsed() < timeout => {
+                    std::thread::sleep(Duration::from_millis(5));
+                }
+                outcome => return outcome,
+            }
+        }
     }
 
     /// The status published last, as far as it has arrived; `None` before the first.
@@ -201,9 +211,9 @@ impl OperatorClient {
 fn await_answer(
     client: &RequestClient,
     request: OperatorRequest,
+    start: Instant,
     timeout: Duration,
 ) -> Result<OperatorAnswer, ClientError> {
-    let start = Instant::now();
     let pending =
         client.send_copy(request).map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
     if pending.number_of_server_connections() == 0 {
@@ -228,7 +238,7 @@ fn await_answer(
 #[derive(Debug)]
 pub struct TruthObserver {
     truth: Inlet<PoseMessage>,
-    _node: Node<ipc::Service>,
+    _membership: Membership,
 }
 
 impl TruthObserver {
@@ -237,9 +247,9 @@ impl TruthObserver {
     /// # Errors
     /// When no driver appears in time, or the transport fails.
     pub fn open(endpoint: &Endpoint, wait: Duration) -> Result<Self, ChannelError> {
-        let node = endpoint.node(CONNECTION_WAIT)?;
-        let truth = open_topic(&node, endpoint, TRUTH, Role::Driver, &Wait::new(wait))?;
-        Ok(Self { truth: Inlet::new(truth, TRUTH.buffer)?, _node: node })
+        let membership = endpoint.join(CONNECTION_WAIT)?;
+        let truth = open_topic(&membership.node, endpoint, TRUTH, Role::Driver, &Wait::new(wait))?;
+        Ok(Self { truth: Inlet::new(truth, TRUTH.buffer)?, _membership: membership })
     }
 
     /// Hands over every message that arrived since the former call, oldest first, up to a queue of 512.

@@ -269,8 +269,9 @@ fn publisher<T: Message>(
 mod tests {
     use std::time::Duration;
 
+    use super::super::membership::Membership;
     use super::super::service::{COMMAND, Topic, create_topic};
-    use super::super::{DaemonServices, DriverEnd, PrivateRoot};
+    use super::super::{DaemonServices, DriverEnd, Endpoint, PrivateRoot};
     use super::{ChannelError, Outlet, Repair};
     use crate::message::CoilCommand;
     use crate::scripted::example_description;
@@ -278,10 +279,10 @@ mod tests {
 
     #[test]
     fn commander_that_holds_no_lock_is_noticed_and_named() {
-        let root = PrivateRoot::create("ms").expect("a directory");
-        let endpoint = root.endpoint("example").expect("an endpoint");
+        let root = PrivateRoot::create("magsteer-test").expect("a root");
+        let endpoint = Endpoint::new("example", Some(root.path())).expect("an endpoint");
         let _driver = DriverEnd::create(&endpoint).expect("a driver");
-        let node = endpoint.node(Duration::ZERO).expect("a node");
+        let Membership { node, _sweeper } = endpoint.join(Duration::ZERO).expect("a node");
         let topic: Topic<CoilCommand> = create_topic(&node, &endpoint, COMMAND).expect("the topic");
         let rogue = Outlet::sole(topic, &node).expect("alone so far");
         let open = || DaemonServices::open(&endpoint, Duration::from_secs(5)).expect("a driver");

@@ -10,11 +10,10 @@ use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-use super::endpoint::{Endpoint, segment_prefix};
+use super::endpoint::{Endpoint, prefix};
 use super::error::ChannelError;
+use super::membership::{SEGMENTS, remove_all};
 
-/// Where the transport's segments lie; a file system in memory, and short.
-const SHARED_MEMORY: &str = "/dev/shm";
 /// Locked by the owner as long as it lives.
 const OWNER_LOCK: &str = "owner.lock";
 /// Names to try: each fails only when another owner took it, or swept it away before it was locked.
@@ -44,7 +43,7 @@ impl PrivateRoot {
         sweep(hint);
         let mut last = None;
         for number in 0..ATTEMPTS_MAX {
-            let path = Path::new(SHARED_MEMORY).join(format!("{hint}-{}-{number}", std::process::id()));
+            let path = Path::new(SEGMENTS).join(format!("{hint}-{}-{number}", std::process::id()));
             match owned(&path) {
                 Ok(owned) => return Ok(Self { path, _owned: owned }),
                 // Anything but a name that is taken or was swept away stays wrong.
@@ -95,7 +94,7 @@ fn is_contended(error: &io::Error) -> bool {
 
 /// Removes what killed owners left. What cannot be looked at or removed is somebody else's, and stays.
 fn sweep(hint: &str) {
-    let Ok(entries) = std::fs::read_dir(SHARED_MEMORY) else { return };
+    let Ok(entries) = std::fs::read_dir(SEGMENTS) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
         let of_this_kind = name
@@ -135,13 +134,7 @@ fn abandoned(root: &Path) -> Option<Vec<File>> {
 /// Removes a root and its segments, and no other root's. What cannot be removed is left: nobody could mend it here.
 fn remove(root: &Path) {
     let _ = std::fs::remove_dir_all(root);
-    let prefix = segment_prefix(root);
-    let Ok(entries) = std::fs::read_dir(SHARED_MEMORY) else { return };
-    for entry in entries.flatten() {
-        if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
-            let _ = std::fs::remove_file(entry.path());
-        }
-    }
+    let _ = remove_all(Path::new(SEGMENTS), &prefix(root));
 }
 
 #[cfg(test)]
@@ -149,12 +142,12 @@ mod tests {
     use std::fs::{File, OpenOptions};
     use std::path::{Path, PathBuf};
 
-    use super::{OWNER_LOCK, PrivateRoot, segment_prefix};
+    use super::{OWNER_LOCK, PrivateRoot, prefix};
     use crate::channels::DriverEnd;
 
     /// Segments of a root.
     fn segments(root: &Path) -> Vec<PathBuf> {
-        let prefix = segment_prefix(root);
+        let prefix = prefix(root);
         let entries = std::fs::read_dir("/dev/shm").expect("shared memory is there");
         let paths = entries.flatten().map(|entry| entry.path());
         paths.filter(|path| path.to_str().is_some_and(|path| path.contains(&prefix))).collect()
@@ -168,7 +161,7 @@ mod tests {
         drop(DriverEnd::create(&gone.endpoint("rig").expect("a name")).expect("a driver"));
         let path = gone.path().to_owned();
         // As one that was killed leaves it.
-        let left = PathBuf::from(format!("/dev/shm/{}left.data", segment_prefix(&path)));
+        let left = PathBuf::from(format!("/dev/shm/{}left.data", prefix(&path)));
         File::create(&left).expect("made");
         drop(gone);
         assert!(!path.exists());

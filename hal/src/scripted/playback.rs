@@ -85,3 +85,6 @@ impl Hardware for ScriptedHardware {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;
