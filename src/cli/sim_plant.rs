@@ -95,6 +95,8 @@ impl SimPlant {
             anyhow::Ok(process::run(&mut plant, &settings.real_time, &mut end, &ended))
         })??;
         let report = PlantReport::of(&summary);
+        // Said even when nobody reads the report any more.
+        output::note(format_args!("simulated rig {} {}", endpoint.rig(), report.verdict()));
         if self.json {
             output::json(&report)?;
         } else {
@@ -140,7 +142,11 @@ impl PlantReport {
             self.current_max_a,
             self.limit_breaks,
             self.commands_refused,
-            if self.ended_currentless { "ended at zero current" } else { "ended NOT at zero current" },
+            self.verdict(),
         )
+    }
+
+    fn verdict(&self) -> &'static str {
+        if self.ended_currentless { "ended at zero current" } else { "ended NOT at zero current" }
     }
 }
