@@ -1,7 +1,7 @@
 //! The statics that the controller believes in, kept at the present actuation by a few shooting passes a cycle.
 //!
-//! Currents and angles change little between two cycles, so that the base unknowns of the last one are a good guess and about one
-//! Newton step a cycle keeps up. A pass that comes close enough gives tangents and Jacobian of this cycle; else the last
+//! Currents and angles change little between two cycles, so that the base unknowns of the last one, carried along their derivative
+//! with the actuation, are a good guess: one pass a cycle mostly keeps up. A pass that comes close enough gives tangents and Jacobian of this cycle; else the last
 //! good Jacobian stays in use and its age is reported, for the supervisor to judge.
 //!
 //! Magnetic stiffness can make an equilibrium lose its stability long before a current meets its limit: the rod snaps through. The
@@ -12,14 +12,15 @@ use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
 
 use super::cycle::ModelReport;
-use crate::magnetics::{CoilArray, PARAMETERS_MAX, PosedArray};
+use crate::magnetics::{ActuatedArray, AppliedField, CoilArray, FieldSample, PARAMETERS_MAX, PosedArray};
 use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
 
 /// Scaled residual below which a pass's sensitivities are used: the distance to equilibrium is then some 1e-4 of the
 /// rod's full deflection, far below the sensor's noise.
 const RESIDUAL_USABLE: f64 = 1e-3;
-/// Scaled residual above which another pass is spent in the same cycle.
-const RESIDUAL_SETTLED: f64 = 1e-5;
+/// Scaled residual above which another pass is spent in the same cycle: below, what is left is some 1e-5 of the rod's
+/// full deflection, which is the error of its mesh.
+const RESIDUAL_SETTLED: f64 = 1e-4;
 
 /// Share of a parameter's range by which it is moved to see how the margin changes: far above rounding, far below curvature.
 const PROBE_SHARE: f64 = 1e-3;
@@ -32,6 +33,8 @@ pub struct Model {
     manipulator: Manipulator,
     pass: Pass,
     unknowns: Vector6<f64>,
+    /// Actuation that `unknowns` and `pass` belong to, while the last cycle converged.
+    followed: Option<Actuation>,
     passes_max: u32,
     coils: usize,
     frames: usize,
@@ -50,6 +53,19 @@ struct Margin {
     steps: Vec<f64>,
     posed: PosedArray,
     pass: Pass,
+}
+
+/// The array as a field that nothing steers: a pass through it carries no columns of parameters.
+struct Unsteered<'a>(ActuatedArray<'a>);
+
+impl AppliedField for Unsteered<'_> {
+    fn parameter_count(&self) -> usize {
+        0
+    }
+
+    fn evaluate(&self, point: &Vector3<f64>, sample: &mut FieldSample) {
+        self.0.evaluate(point, sample);
+    }
 }
 
 /// Tangents and Jacobian of the last pass that was close enough to equilibrium.
@@ -90,6 +106,7 @@ impl Model {
             manipulator,
             pass,
             unknowns,
+            followed: None,
             passes_max,
             good: Good {
                 unknowns,
@@ -103,6 +120,7 @@ impl Model {
     /// Follows the model to `actuation` by at most the configured number of passes.
     pub fn follow(&mut self, actuation: &Actuation) -> ModelReport {
         self.array.pose_into(&actuation.angle_rad[..self.frames], &mut self.posed);
+        self.predict(actuation);
         let field = self.posed.actuated(&actuation.current_a[..self.coils]);
         let mut passes = 0;
         let mut residual = f64::NAN;
@@ -129,6 +147,7 @@ impl Model {
             }
         }
         let converged = residual <= RESIDUAL_USABLE;
+        self.followed = converged.then_some(*actuation);
         if converged {
             self.keep();
             self.probe_margin(actuation);
@@ -177,6 +196,21 @@ impl Model {
         &self.margin.gradient
     }
 
+    /// Moves the unknowns to where the last pass expects the equilibrium at `actuation`, to first order.
+    fn predict(&mut self, actuation: &Actuation) {
+        let Some(followed) = &self.followed else { return };
+        for (coil, (to, from)) in
+            actuation.current_a[..self.coils].iter().zip(&followed.current_a).enumerate()
+        {
+            self.unknowns += self.pass.unknowns_derivative(coil) * (to - from);
+        }
+        for (frame, (to, from)) in
+            actuation.angle_rad[..self.frames].iter().zip(&followed.angle_rad).enumerate()
+        {
+            self.unknowns += self.pass.unknowns_derivative(self.coils + frame) * (to - from);
+        }
+    }
+
     /// Renews the margin, and one entry of its gradient by a pass beside the present actuation.
     fn probe_margin(&mut self, actuation: &Actuation) {
         let margin = &mut self.margin;
@@ -194,7 +228,7 @@ impl Model {
             beside.angle_rad[parameter - self.coils] += step;
         }
         self.array.pose_into(&beside.angle_rad[..self.frames], &mut margin.posed);
-        let field = margin.posed.actuated(&beside.current_a[..self.coils]);
+        let field = Unsteered(margin.posed.actuated(&beside.current_a[..self.coils]));
         // First to the equilibrium at the present actuation, then along its tangent to the one beside.
         let Some(correction) = self.pass.newton_step() else { return };
         let unknowns = self.pass.unknowns() + correction + self.pass.unknowns_derivative(parameter) * step;
