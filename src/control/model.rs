@@ -13,14 +13,15 @@ use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
 
 use super::cycle::ModelReport;
-use crate::magnetics::{CoilArray, PARAMETERS_MAX, PosedArray};
+use crate::magnetics::{ActuatedArray, AppliedField, CoilArray, FieldSample, PARAMETERS_MAX, PosedArray};
 use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
 
 /// Scaled residual below which a pass's sensitivities are used: the distance to equilibrium is then some 1e-4 of the
 /// rod's full deflection, far below the sensor's noise.
 const RESIDUAL_USABLE: f64 = 1e-3;
-/// Scaled residual above which another pass is spent in the same cycle.
-const RESIDUAL_SETTLED: f64 = 1e-5;
+/// Scaled residual above which another pass is spent in the same cycle: below, what is left is some 1e-5 of the rod's
+/// full deflection, which is the error of its mesh.
+const RESIDUAL_SETTLED: f64 = 1e-4;
 
 /// Least share of the ranges that a cycle tries to go, less than a cycle's slew. Where even that fails the branch has ended.
 const REACH_MIN: f64 = 1e-3;
@@ -71,6 +72,19 @@ struct Anchor {
     reach: f64,
     /// Unknowns without currents.
     rest: Vector6<f64>,
+}
+
+/// The array as a field that nothing steers: a pass through it carries no columns of parameters.
+struct Unsteered<'a>(ActuatedArray<'a>);
+
+impl AppliedField for Unsteered<'_> {
+    fn parameter_count(&self) -> usize {
+        0
+    }
+
+    fn evaluate(&self, point: &Vector3<f64>, sample: &mut FieldSample) {
+        self.0.evaluate(point, sample);
+    }
 }
 
 /// Tangents and Jacobian of the last pass that was close enough to equilibrium.
@@ -229,7 +243,7 @@ impl Model {
             beside.angle_rad[parameter - self.coils] += step;
         }
         self.array.pose_into(&beside.angle_rad[..self.frames], &mut margin.posed);
-        let field = margin.posed.actuated(&beside.current_a[..self.coils]);
+        let field = Unsteered(margin.posed.actuated(&beside.current_a[..self.coils]));
         // First to the equilibrium at the present actuation, then along its tangent to the one beside.
         let Some(correction) = self.pass.newton_step() else { return };
         let unknowns = self.pass.unknowns() + correction + self.pass.unknowns_derivative(parameter) * step;

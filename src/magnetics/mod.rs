@@ -1,7 +1,7 @@
 //! Magnetic field of the coil array and the wrench on dipoles.
 //!
 //! - `sample`: the field at a point and its changes, the contract with the rod's statics.
-//! - `multipole`: one coil's field with both gradients; `pair` holds its two-lane arithmetic.
+//! - `multipole`: one coil's field with both gradients, two coils at a time.
 //! - `array`: coils on turning frames, and the columns of every actuation parameter.
 //! - `validity`: where the series of the coils hold.
 //! - `wrench`: dipoles, and the actuation matrix of eq. (13).
@@ -10,7 +10,6 @@
 mod affine;
 mod array;
 mod multipole;
-mod pair;
 mod sample;
 mod validity;
 mod wrench;

@@ -40,8 +40,8 @@
 use magsteer_hal::config::ORDER_MAX;
 use nalgebra::Vector3;
 
-use super::pair::Pair;
 use super::sample::{FieldColumn, FieldGradient, FieldSecondGradient};
+use crate::math::Pair;
 
 /// The series of one coil: `a_k` of eq. (4) per ampere.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -124,21 +124,21 @@ impl CoilPair {
     pub(super) fn set_series(&mut self, lane: usize, multipole: &Multipole) {
         self.order = self.order.max(multipole.order);
         for (pair, weight) in self.weights.iter_mut().zip(multipole.weights) {
-            pair.0[lane] = weight;
+            pair.set_lane(lane, weight);
         }
     }
 
     /// Moves the coil of a lane (0 or 1).
     pub(super) fn set_pose(&mut self, lane: usize, pose: &CoilPose) {
         for i in 0..3 {
-            self.origin[i].0[lane] = pose.origin[i];
-            self.axis[i].0[lane] = pose.axis[i];
+            self.origin[i].set_lane(lane, pose.origin[i]);
+            self.axis[i].set_lane(lane, pose.axis[i]);
         }
     }
 
     /// The pose of a lane (0 or 1).
     pub(super) fn pose(&self, lane: usize) -> CoilPose {
-        let vector = |pairs: &[Pair; 3]| Vector3::from_fn(|i, _| pairs[i].0[lane]);
+        let vector = |pairs: &[Pair; 3]| Vector3::from_fn(|i, _| pairs[i].lane(lane));
         CoilPose { origin: vector(&self.origin), axis: vector(&self.axis) }
     }
 
@@ -173,16 +173,16 @@ impl PairField {
     /// The field of the coil in a lane (0 or 1).
     #[inline(always)]
     pub(super) fn lane(&self, lane: usize) -> CoilField {
-        let [bx, by, bz] = self.field.map(|pair| pair.0[lane]);
-        let [xx, xy, xz, yy, yz] = self.gradient.map(|pair| pair.0[lane]);
-        let [xxx, xxy, xxz, xyy, xyz, yyy, yyz] = self.second_gradient.map(|pair| pair.0[lane]);
+        let [bx, by, bz] = self.field.map(|pair| pair.lane(lane));
+        let [xx, xy, xz, yy, yz] = self.gradient.map(|pair| pair.lane(lane));
+        let [xxx, xxy, xxz, xyy, xyz, yyy, yyz] = self.second_gradient.map(|pair| pair.lane(lane));
         CoilField {
             column: FieldColumn {
                 field: Vector3::new(bx, by, bz),
                 gradient: FieldGradient { xx, xy, xz, yy, yz },
             },
             second_gradient: FieldSecondGradient { xxx, xxy, xxz, xyy, xyz, yyy, yyz },
-            local_x: self.local_x.0[lane],
+            local_x: self.local_x.lane(lane),
         }
     }
 }

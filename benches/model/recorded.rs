@@ -1,0 +1,96 @@
+//! Inputs of the control cycle as they were in a closed loop with the simulated rig.
+
+use std::sync::LazyLock;
+use std::time::Instant;
+
+use magsteer::control::{Cycle, CycleInput, Step};
+use magsteer::daemon::Verb;
+use magsteer_hal::MAGNETS_MAX;
+
+use crate::rig_support::{Bench, Setup};
+
+/// Targets in the x-z plane, degrees from x, of base and tip magnet, 0.4 s each: the reference never comes to rest.
+const TARGETS_DEG: [[f64; 2]; 6] =
+    [[30.0, 45.0], [45.0, 90.0], [20.0, -20.0], [-30.0, -60.0], [0.0, 40.0], [40.0, 10.0]];
+const TARGET_LASTS: f64 = 0.4;
+
+/// Consecutive cycles of one closed loop.
+pub struct Recording {
+    setup: Setup,
+    /// Before steering: the model comes to the equilibrium from which it steers.
+    idle: Vec<CycleInput>,
+    /// Every cycle engaged.
+    pub steering: Vec<CycleInput>,
+}
+
+/// One closed loop with the shipped configuration.
+pub static RECORDING: LazyLock<Recording> = LazyLock::new(Recording::take);
+
+impl Recording {
+    fn take() -> Self {
+        let setup = Setup::shipped("bigmag-planar.toml");
+        let mut bench = Bench::new(&setup);
+        let mut inputs = Vec::new();
+        bench.run(0.3, |record, _| inputs.push(record.input));
+        bench.request(Verb::Arm);
+        bench.run(0.3, |record, _| inputs.push(record.input));
+        bench.request(Verb::Go);
+        bench.run(0.1, |record, _| inputs.push(record.input));
+        for angles in TARGETS_DEG {
+            bench.request(Verb::SetTarget(directions(angles)));
+            bench.run(TARGET_LASTS, |record, _| inputs.push(record.input));
+        }
+        let start = inputs.iter().position(|input| input.engaged).expect("the loop steers");
+        let steering = inputs.split_off(start);
+        assert!(steering.iter().all(|input| input.engaged), "the loop steers to the end");
+        Self { setup, idle: inputs, steering }
+    }
+
+    /// A controller about to steer.
+    pub fn controller(&self) -> Cycle {
+        let config = &self.setup.config;
+        let control = config.control.as_ref().expect("has a controller");
+        let manipulator = config.manipulator.clone().expect("has a model");
+        let mut cycle = Cycle::new(control, &config.description, manipulator);
+        for input in &self.idle {
+            cycle.step(input);
+        }
+        cycle
+    }
+}
+
+/// Every step of the recording by itself: what the slowest take, and how many passes the model spends.
+pub fn report() {
+    let recording = &*RECORDING;
+    let mut cycle = recording.controller();
+    let mut times = Vec::with_capacity(recording.steering.len());
+    let (mut passes, mut unconverged, mut saturated) = (0, 0, 0);
+    for input in &recording.steering {
+        let start = Instant::now();
+        let outcome = cycle.step(input);
+        times.push(start.elapsed().as_secs_f64());
+        passes += outcome.model.passes;
+        unconverged += u32::from(!outcome.model.converged);
+        saturated += u32::from(outcome.saturated > 2);
+    }
+    let count = times.len();
+    times.sort_by(f64::total_cmp);
+    let at = |share: f64| times[((count - 1) as f64 * share) as usize] * 1e6;
+    println!(
+        "{count} steps one by one: median {:.1} us, 99 % {:.1} us, longest {:.1} us; {:.2} passes a step and one for the margin, \
+         {unconverged} steps without convergence, {saturated} with a coil at a limit.",
+        at(0.5),
+        at(0.99),
+        at(1.0),
+        f64::from(passes) / count as f64,
+    );
+}
+
+fn directions(angles_deg: [f64; 2]) -> [[f64; 3]; MAGNETS_MAX] {
+    let mut directions = [[0.0; 3]; MAGNETS_MAX];
+    for (direction, angle) in directions.iter_mut().zip(angles_deg) {
+        let (sine, cosine) = angle.to_radians().sin_cos();
+        *direction = [cosine, 0.0, sine];
+    }
+    directions
+}
