@@ -15,7 +15,8 @@ use magsteer_hal::channels::{DaemonServices, DriverEnd, PrivateRoot};
 use magsteer_hal::operator::state;
 use magsteer_hal::scripted::{EchoHardware, example_description};
 use magsteer_hal::{
-    Actuation, CoilFeedback, CommandGuard, MagnetPose, POSE_PARAMETERS_MAX, PoseMessage, Stamp,
+    Actuation, AdmittedCommand, CoilFeedback, CommandGuard, Hardware, MagnetPose, POSE_PARAMETERS_MAX,
+    PoseMessage, Sensed, Stamp, WriteError,
 };
 use rand::{RngExt, SeedableRng};
 
@@ -185,8 +186,48 @@ fn disturb(random: &mut rand_chacha::ChaCha8Rng, control_loop: &mut ControlLoop<
     }
 }
 
-/// Goal: the same with the real controller. The rig's magnets never move, whatever the currents, so that the loop drives them to
-/// their limits and the model to where it does not converge.
+/// An ideal rig whose current sensors say something else when told to.
+struct Misreading {
+    rig: EchoHardware,
+    reported: Option<Actuation>,
+}
+
+impl Hardware for Misreading {
+    fn read(&mut self, now: Stamp) -> Sensed {
+        let mut sensed = self.rig.read(now);
+        if let (Some(feedback), Some(reported)) = (&mut sensed.feedback.last, self.reported) {
+            feedback.measured = reported;
+        }
+        sensed
+    }
+
+    fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {
+        self.rig.write(command, now)
+    }
+}
+
+impl Misreading {
+    /// Now and then other currents than there are, all within range, for some cycles; magnets that turn by leaps.
+    fn disturb(&mut self, random: &mut rand_chacha::ChaCha8Rng) {
+        if random.random_bool(0.02) {
+            let mut reported = Actuation::default();
+            reported.current_a[..6].fill_with(|| random.random_range(-8.0..8.0));
+            reported.angle_rad[..2].fill_with(|| random.random_range(-3.0..3.0));
+            self.reported = Some(reported);
+        } else if random.random_bool(0.1) {
+            self.reported = None;
+        }
+        if random.random_bool(0.01) {
+            let (sine, cosine) = random.random_range(0.0..1.5_f64).sin_cos();
+            let pose =
+                MagnetPose { orientation_xyzw: [0.0, sine, 0.0, cosine], valid: 1, ..MagnetPose::default() };
+            self.rig.set_poses(&[pose; 2]);
+        }
+    }
+}
+
+/// Goal: the same with the real controller. The rig's magnets do not obey its currents, so that the loop drives them to
+/// their limits, and measured currents jump, so that the model does not converge.
 #[test]
 fn the_real_controller_allocates_nothing() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
@@ -195,12 +236,13 @@ fn the_real_controller_allocates_nothing() {
     let (control, daemon) = (config.control.as_ref(), config.daemon.as_ref().expect("shipped"));
     let manipulator = config.manipulator.clone().expect("shipped");
     let controller = magsteer::control::Cycle::new(control.expect("shipped"), rig, manipulator);
-    let hardware = EchoHardware::new(rig);
+    let hardware = Misreading { rig: EchoHardware::new(rig), reported: None };
     let mut control_loop = ControlLoop::new(hardware, controller, rig, daemon, LoopOptions::default());
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(12);
     let mut tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
     let (mut visited, mut unconverged) = (Visited::default(), 0);
     for cycle in 0..CYCLES {
+        control_loop.hardware_mut().disturb(&mut random);
         let verb = if random.random_bool(0.004) {
             let angle: f64 = random.random_range(-3.0..3.0);
             Some(Verb::SetTarget([[angle.sin(), 0.0, angle.cos()]; 8]))
@@ -220,7 +262,7 @@ fn the_real_controller_allocates_nothing() {
     }
     println!("{unconverged} cycles without convergence; {visited:?}");
     assert!(visited.everywhere(), "the seed must lead through every state: {visited:?}");
-    assert!(unconverged > 0, "the seed must lead the model astray");
+    assert!(unconverged > 500, "the seed must lead the model astray: {unconverged}");
 }
 
 /// A driver that is stepped by this thread between two cycles.

@@ -39,10 +39,11 @@ pub struct MagnetAnswer {
     /// By rows, from body to world; the third column is the tangent.
     pub rotation: [[f64; 3]; 3],
     pub field_t: [f64; 3],
-    /// Magnetic force; the weight is not in it.
+    /// All that acts at the centre: magnetic force and weight.
     pub force_n: [f64; 3],
+    /// The magnetic part of it, eq. (10).
+    pub magnetic_force_n: [f64; 3],
     pub torque_nm: [f64; 3],
-    pub weight_n: [f64; 3],
     /// False outside the range of a coil's field model.
     pub field_valid: bool,
 }
@@ -81,9 +82,9 @@ impl MagnetAnswer {
             tangent: at.tangent().into(),
             rotation: by_rows(&at.rotation()),
             field_t: at.field().into(),
-            force_n: at.force().into(),
+            force_n: (at.force() + at.weight()).into(),
+            magnetic_force_n: at.force().into(),
             torque_nm: at.torque().into(),
-            weight_n: at.weight().into(),
             field_valid: at.field_is_valid(),
         }
     }
@@ -146,7 +147,8 @@ impl Answer {
             line(&format!("{name} position"), &magnet.position_m, 1e3, "mm");
             line(&format!("{name} tangent"), &magnet.tangent, 1.0, &angle_from_z(&magnet.tangent));
             line(&format!("{name} field"), &magnet.field_t, 1e3, "mT");
-            line(&format!("{name} force"), &magnet.force_n, 1e3, "mN");
+            line(&format!("{name} force"), &magnet.force_n, 1e3, "mN, weight included");
+            line(&format!("{name} magnetic"), &magnet.magnetic_force_n, 1e3, "mN");
             line(&format!("{name} torque"), &magnet.torque_nm, 1e3, "mN m");
         }
         line("tip position", &self.tip_position_m, 1e3, "mm");

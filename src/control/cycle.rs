@@ -46,9 +46,10 @@ pub struct CycleInput {
 /// How the model fared in a cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ModelReport {
-    /// True when the residual met its tolerance.
+    /// True when the residual met its tolerance at the measured actuation.
     pub converged: bool,
-    /// Scaled residual of the boundary-value problem before this cycle's correction.
+    /// Scaled residual of the boundary-value problem, at an actuation on the way while a jump is caught up; not a number where
+    /// there is none.
     pub residual: f64,
     /// Shooting passes spent.
     pub passes: u32,

@@ -12,6 +12,9 @@ mod integral;
 mod model;
 mod reference;
 
+#[cfg(test)]
+mod tests;
+
 pub use allocation::{Allocated, Allocation, AllocationKind, Wish};
 pub use config::{ControlConfig, FrameUse};
 pub use cycle::{Cycle, CycleInput, CycleOutcome, Directions, ModelReport, Step};

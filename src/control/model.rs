@@ -1,8 +1,9 @@
 //! The statics that the controller believes in, kept at the present actuation by a few shooting passes a cycle.
 //!
-//! Currents and angles change little between two cycles, so that the base unknowns of the last one are a good guess and about one
-//! Newton step a cycle keeps up. A pass that comes close enough gives tangents and Jacobian of this cycle; else the last
-//! good Jacobian stays in use and its age is reported, for the supervisor to judge.
+//! Currents and angles change little between two cycles, so that the last equilibrium, led along its own derivatives, is a good guess
+//! and about one pass a cycle keeps up. A pass that comes close enough gives tangents and Jacobian of this cycle; else the last
+//! good Jacobian stays in use and its age is reported, for the supervisor to judge. After a jump too large for one cycle the model
+//! starts again from the last equilibrium, half as far, until it has caught up; where that branch has ended it begins anew from rest.
 //!
 //! Magnetic stiffness can make an equilibrium lose its stability long before a current meets its limit: the rod snaps through. The
 //! determinant of the residual's Jacobian, 1 at rest and 0 there, is the margin. Its gradient with the actuation comes
@@ -21,6 +22,11 @@ const RESIDUAL_USABLE: f64 = 1e-3;
 /// Scaled residual above which another pass is spent in the same cycle.
 const RESIDUAL_SETTLED: f64 = 1e-5;
 
+/// Least share of the ranges that a cycle tries to go, less than a cycle's slew. Where even that fails the branch has ended.
+const REACH_MIN: f64 = 1e-3;
+/// Share that it tries first on the way back from rest.
+const REACH_FROM_REST: f64 = 0.05;
+
 /// Share of a parameter's range by which it is moved to see how the margin changes: far above rounding, far below curvature.
 const PROBE_SHARE: f64 = 1e-3;
 
@@ -31,7 +37,7 @@ pub struct Model {
     posed: PosedArray,
     manipulator: Manipulator,
     pass: Pass,
-    unknowns: Vector6<f64>,
+    anchor: Anchor,
     passes_max: u32,
     coils: usize,
     frames: usize,
@@ -52,10 +58,24 @@ struct Margin {
     pass: Pass,
 }
 
+/// The last equilibrium on the model's way, from which every cycle sets out.
+#[derive(Debug)]
+struct Anchor {
+    actuation: Actuation,
+    unknowns: Vector6<f64>,
+    /// Change of the unknowns with every parameter.
+    derivatives: Vec<Vector6<f64>>,
+    /// Range of every parameter, A or rad.
+    ranges: Vec<f64>,
+    /// Farthest that a cycle goes, as a share of the ranges.
+    reach: f64,
+    /// Unknowns without currents.
+    rest: Vector6<f64>,
+}
+
 /// Tangents and Jacobian of the last pass that was close enough to equilibrium.
 #[derive(Debug)]
 struct Good {
-    unknowns: Vector6<f64>,
     tangents: [Vector3<f64>; MAGNETS_MAX],
     jacobian: [[[f64; PARAMETERS_MAX]; 3]; MAGNETS_MAX],
     age: Option<u32>,
@@ -69,10 +89,19 @@ impl Model {
         let posed = array.posed(&[0.0; PARAMETERS_MAX]);
         let mut pass = Pass::new(&manipulator);
         manipulator.solve_from_rest(&posed.actuated(&[]), &TipLoad::NONE, PassMode::default(), &mut pass);
-        let unknowns = pass.unknowns();
         let currents = description.coils.iter().map(|coil| coil.current_max);
         let angles = description.frames.iter().map(|frame| frame.angle_max - frame.angle_min);
-        let steps: Vec<f64> = currents.chain(angles).map(|range| range * PROBE_SHARE).collect();
+        let ranges: Vec<f64> = currents.chain(angles).collect();
+        let steps: Vec<f64> = ranges.iter().map(|range| range * PROBE_SHARE).collect();
+        let mut anchor = Anchor {
+            actuation: Actuation::default(),
+            unknowns: pass.unknowns(),
+            derivatives: vec![Vector6::zeros(); ranges.len()],
+            ranges,
+            reach: 1.0,
+            rest: pass.unknowns(),
+        };
+        anchor.settle(&Actuation::default(), &pass);
         let margin = Margin {
             value: pass.determinant(),
             gradient: vec![0.0; steps.len()],
@@ -89,10 +118,9 @@ impl Model {
             posed,
             manipulator,
             pass,
-            unknowns,
+            anchor,
             passes_max,
             good: Good {
-                unknowns,
                 tangents: [Vector3::zeros(); MAGNETS_MAX],
                 jacobian: [[[0.0; PARAMETERS_MAX]; 3]; MAGNETS_MAX],
                 age: None,
@@ -102,33 +130,16 @@ impl Model {
 
     /// Follows the model to `actuation` by at most the configured number of passes.
     pub fn follow(&mut self, actuation: &Actuation) -> ModelReport {
-        self.array.pose_into(&actuation.angle_rad[..self.frames], &mut self.posed);
-        let field = self.posed.actuated(&actuation.current_a[..self.coils]);
-        let mut passes = 0;
-        let mut residual = f64::NAN;
-        while passes < self.passes_max {
-            self.manipulator.pass(
-                &field,
-                &TipLoad::NONE,
-                &self.unknowns,
-                PassMode::default(),
-                &mut self.pass,
-            );
-            passes += 1;
-            residual = self.pass.residual();
-            let Some(step) = self.pass.newton_step().filter(|_| residual.is_finite()) else {
-                self.unknowns = self.good.unknowns;
-                break;
-            };
-            if residual <= RESIDUAL_USABLE {
-                self.good.unknowns = self.unknowns;
-            }
-            self.unknowns += step;
-            if residual <= RESIDUAL_SETTLED {
-                break;
-            }
+        let share = self.anchor.share(self.coils, actuation);
+        let there = self.anchor.towards(self.coils, actuation, share);
+        let (passes, residual) = self.shoot(&there, share);
+        let found = residual <= RESIDUAL_USABLE;
+        if found {
+            self.anchor.settle(&there, &self.pass);
+        } else {
+            self.anchor.fall_short(self.coils, &there);
         }
-        let converged = residual <= RESIDUAL_USABLE;
+        let converged = found && share == 1.0;
         if converged {
             self.keep();
             self.probe_margin(actuation);
@@ -143,6 +154,30 @@ impl Model {
             margin: self.margin.value,
             field_valid: self.pass.field_valid(),
         }
+    }
+
+    /// Passes at an actuation that lies a share of the way ahead of the anchor; how many, and the residual of the last.
+    fn shoot(&mut self, there: &Actuation, share: f64) -> (u32, f64) {
+        if !share.is_finite() {
+            return (0, f64::NAN);
+        }
+        self.array.pose_into(&there.angle_rad[..self.frames], &mut self.posed);
+        let field = self.posed.actuated(&there.current_a[..self.coils]);
+        let mut unknowns = self.anchor.predicted(self.coils, there);
+        let (mut passes, mut residual) = (0, f64::NAN);
+        while passes < self.passes_max {
+            self.manipulator.pass(&field, &TipLoad::NONE, &unknowns, PassMode::default(), &mut self.pass);
+            passes += 1;
+            residual = self.pass.residual();
+            let Some(step) = self.pass.newton_step().filter(|_| residual.is_finite()) else {
+                return (passes, f64::NAN);
+            };
+            if residual <= RESIDUAL_SETTLED {
+                break;
+            }
+            unknowns += step;
+        }
+        (passes, residual)
     }
 
     /// True once a Jacobian was computed.
@@ -215,5 +250,79 @@ impl Model {
             }
         }
         good.age = Some(0);
+    }
+}
+
+impl Anchor {
+    /// Differences of an actuation from the anchor's, parameter by parameter.
+    fn ways<'a>(&'a self, coils: usize, to: &'a Actuation) -> impl Iterator<Item = f64> + 'a {
+        let from = &self.actuation;
+        let currents = to.current_a[..coils].iter().zip(&from.current_a);
+        let angles = to.angle_rad.iter().zip(&from.angle_rad);
+        currents.chain(angles).map(|(to, from)| to - from).take(self.ranges.len())
+    }
+
+    /// Greatest way of a parameter, as a share of its range; not finite when one of them is not.
+    fn length(&self, coils: usize, to: &Actuation) -> f64 {
+        let shares = self.ways(coils, to).zip(&self.ranges).map(|(way, range)| (way / range).abs());
+        shares.fold(0.0, |most, share| if share <= most { most } else { share })
+    }
+
+    /// How much of the way to an actuation is taken in one cycle: 1 for all of it, NaN when there is none.
+    fn share(&self, coils: usize, to: &Actuation) -> f64 {
+        let length = self.length(coils, to);
+        if !length.is_finite() {
+            f64::NAN
+        } else if length <= self.reach {
+            1.0
+        } else {
+            self.reach / length
+        }
+    }
+
+    fn towards(&self, coils: usize, to: &Actuation, share: f64) -> Actuation {
+        if share == 1.0 {
+            return *to;
+        }
+        let mut there = self.actuation;
+        let parameters = there.current_a[..coils].iter_mut().chain(&mut there.angle_rad);
+        for (parameter, way) in parameters.zip(self.ways(coils, to)) {
+            *parameter += way * share;
+        }
+        there
+    }
+
+    /// Unknowns at an actuation, to first order.
+    fn predicted(&self, coils: usize, at: &Actuation) -> Vector6<f64> {
+        let changes = self.ways(coils, at).zip(&self.derivatives).map(|(way, derivative)| derivative * way);
+        changes.fold(self.unknowns, |sum, change| sum + change)
+    }
+
+    /// Moves to the equilibrium that `pass` came close to.
+    fn settle(&mut self, at: &Actuation, pass: &Pass) {
+        let Some(correction) = pass.newton_step() else { return };
+        self.actuation = *at;
+        self.unknowns = pass.unknowns() + correction;
+        for (parameter, derivative) in self.derivatives.iter_mut().enumerate() {
+            *derivative = pass.unknowns_derivative(parameter);
+        }
+        self.reach = (2.0 * self.reach).min(1.0);
+    }
+
+    /// Stays, and goes half as far in the next cycle. Where the branch has ended the rod has snapped, or the model took a way that
+    /// the rod did not: it begins anew with the rod at rest, where every way begins.
+    fn fall_short(&mut self, coils: usize, of: &Actuation) {
+        let length = self.length(coils, of);
+        if !length.is_finite() {
+            return;
+        }
+        if length.min(self.reach) > REACH_MIN {
+            self.reach = (0.5 * length.min(self.reach)).max(REACH_MIN);
+            return;
+        }
+        self.actuation = Actuation { angle_rad: of.angle_rad, ..Actuation::default() };
+        self.unknowns = self.rest;
+        self.derivatives.fill(Vector6::zeros());
+        self.reach = REACH_FROM_REST;
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use magsteer::config::{Config, Document, Experiment};
-use magsteer::control::Cycle;
+use magsteer::control::{Cycle, Directions};
 use magsteer::daemon::step_response::{Observation, StepResponse, judge};
 use magsteer::daemon::{ControlLoop, CycleRecord, LoopOptions, Request, Tick, Verb};
 use magsteer_hal::{MAGNETS_MAX, Stamp};
@@ -95,18 +95,36 @@ impl Bench {
         let path = shipped_path("experiments").join(name);
         let experiment =
             Experiment::from_document(&Document::load(&path).expect("shipped"), &magnets).expect("shipped");
+        let steps = experiment.steps.iter();
+        let steps = steps.map(|step| (experiment.directions(step, &magnets), step.duration_s)).collect();
+        self.play(steps)
+    }
+
+    /// The same through targets in the x-z plane, deg from z, each for a time in seconds.
+    pub fn play_planar(&mut self, targets_deg: &[[f64; 2]], duration_s: f64) -> Vec<StepResponse> {
+        let directions = |angles: &[f64; 2]| {
+            let mut directions = Directions::default();
+            for (direction, angle) in directions.iter_mut().zip(angles) {
+                *direction = [angle.to_radians().sin(), 0.0, angle.to_radians().cos()];
+            }
+            (directions, duration_s)
+        };
+        self.play(targets_deg.iter().map(directions).collect())
+    }
+
+    fn play(&mut self, steps: Vec<(Directions, f64)>) -> Vec<StepResponse> {
         self.run(0.5, |_, _| ());
         self.request(Verb::Arm);
         self.run(0.5, |_, _| ());
         self.request(Verb::Go);
         self.run(0.1, |_, _| ());
+        let magnets = self.config.description.magnets().count();
         let mut responses = Vec::new();
-        for step in &experiment.steps {
-            let target = experiment.directions(step, &magnets);
+        for (target, duration_s) in steps {
             self.request(Verb::SetTarget(target));
             let mut observations = Vec::new();
             let period = self.period.as_secs_f64();
-            self.run(step.duration_s, |record, rig| {
+            self.run(duration_s, |record, rig| {
                 let truth = rig.plant().truth();
                 let mut tangent = [[0.0; 3]; MAGNETS_MAX];
                 for (tangent, magnet) in tangent.iter_mut().zip(&truth.magnets) {
@@ -118,7 +136,7 @@ impl Bench {
                 let time = observations.len() as f64 * period;
                 observations.push(Observation { time, tangent, current });
             });
-            responses.push(judge(&target[..magnets.len()], &observations));
+            responses.push(judge(&target[..magnets], &observations));
         }
         responses
     }
