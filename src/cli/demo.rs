@@ -113,6 +113,9 @@ impl Demo {
         plant: &PlantReport,
         files: &[PathBuf],
     ) -> anyhow::Result<()> {
+        if !daemon.realtime.is_granted() {
+            output::note(format_args!("the daemon ran without all of real time: {}", daemon.realtime));
+        }
         if self.json {
             return output::json(&Answer {
                 all_settled: played.all_settled(),
@@ -124,7 +127,7 @@ impl Demo {
                 plant,
             });
         }
-        let mut text = format!("\n{}\n{}", table(played), timing_line(&daemon.timing));
+        let mut text = format!("{}\n{}", table(played), timing_line(&daemon.timing));
         text += &format!(
             "plant: {} commands beyond a limit, largest current {:.2} A\n",
             plant.limit_breaks, plant.current_max_a

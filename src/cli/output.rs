@@ -8,8 +8,8 @@ use serde::Serialize;
 /// Prints a result. A reader that went away is an error, not a panic.
 pub fn result(text: impl Display) -> io::Result<()> {
     let mut output = io::stdout().lock();
-    write!(output, "{text}")?;
-    output.flush()
+    let written = write!(output, "{text}").and_then(|()| output.flush());
+    written.map_err(|error| io::Error::new(error.kind(), format!("standard output: {error}")))
 }
 
 /// Prints one object on one line.

@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
-use anyhow::{anyhow, bail};
+use anyhow::anyhow;
 use magsteer::config::Experiment;
 use magsteer::daemon::step_response::{Observation, StepResponse, judge};
 use magsteer::daemon::target::angle_from_z_deg;
@@ -206,7 +206,8 @@ impl Session {
             };
             if !matches!(status.state, state::ACTIVE | state::HOLDING) {
                 line.end();
-                bail!("the daemon stopped steering: it is {}", describe(&status));
+                let why = anyhow!("the daemon stopped steering: it is {}", describe(&status));
+                return Err(Failure::with(Exit::No, why));
             }
             if Stamp::now().since(status.header.source_stamp()) > SILENCE_MAX {
                 return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
@@ -214,9 +215,10 @@ impl Session {
             line.draw(|| live(label, begin, target, &status, watched.lateness_max_us), REDRAW);
         }
         let Some(end) = watched.newest else {
-            bail!(
+            let why = anyhow!(
                 "nothing was heard of the daemon during {label}: is the step longer than its status period?"
             );
+            return Err(Failure::with(Exit::Unavailable, why));
         };
         line.draw(|| live(label, begin, target, &end, watched.lateness_max_us), Duration::ZERO);
         line.end();

@@ -66,5 +66,6 @@ pub fn channel_failure(error: ChannelError) -> anyhow::Error {
         | ChannelError::Settings { .. } => Exit::Unavailable,
         ChannelError::Transport { .. } => Exit::Io,
     };
-    Failure::with(exit, error)
+    // Its text holds that of its causes already.
+    Failure::with(exit, anyhow::anyhow!("{error}"))
 }

@@ -95,9 +95,9 @@ impl SimPlant {
             anyhow::Ok(process::run(&mut plant, &settings.real_time, &mut end, &ended))
         })??;
         let report = PlantReport::of(&summary);
-        // Said even when nobody reads the report any more.
-        output::note(format_args!("simulated rig {} {}", endpoint.rig(), report.verdict()));
         if self.json {
+            // For people who read the messages alone, as those of a demonstration that was killed.
+            output::note(format_args!("simulated rig {} {}", endpoint.rig(), report.verdict()));
             output::json(&report)?;
         } else {
             output::result(report.text())?;

@@ -122,7 +122,8 @@ fn usable_directory(root: PathBuf, own: bool) -> Result<PathBuf, ChannelError> {
     if own {
         let owner = absolute.metadata().map_err(refused)?.uid();
         if owner != rustix::process::getuid().as_raw() || absolute != root {
-            return Err(refused(io::Error::from(io::ErrorKind::PermissionDenied)));
+            let why = "belongs to another user or is a link; name another one in MAGSTEER_ROOT";
+            return Err(refused(io::Error::new(io::ErrorKind::PermissionDenied, why)));
         }
     }
     Ok(absolute)
