@@ -309,7 +309,7 @@ impl Watched {
     fn take_truth(&mut self, pose: &PoseMessage) {
         let stamp = pose.header.source_stamp();
         if stamp >= self.begin {
-            self.observe(stamp, pose.magnets.map(|magnet| tangent(&magnet.orientation_xyzw)));
+            self.observe(stamp, pose.magnets.map(|magnet| magnet.tangent()));
         }
     }
 
@@ -317,11 +317,6 @@ impl Watched {
         let time = stamp.since(self.begin).as_secs_f64();
         self.observations.push(Observation { time, tangent, current: self.current });
     }
-}
-
-/// Third column of a unit quaternion's rotation.
-fn tangent([x, y, z, w]: &[f64; 4]) -> [f64; 3] {
-    [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)]
 }
 
 fn live(
