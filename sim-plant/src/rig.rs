@@ -4,6 +4,7 @@
 //! that drives a real rig runs in lockstep, as fast as the machine allows and the same every time.
 //! The first read starts the clock and finds nothing.
 
+use magsteer_hal::conformance::Stepped;
 use magsteer_hal::scripted::Loopback;
 use magsteer_hal::{
     AdmittedCommand, CoilFeedback, Hardware, HardwareDescription, PoseMessage, Sensed, Stamp, WriteError,
@@ -36,16 +37,6 @@ impl SimulatedRig {
     #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant
-    }
-
-    /// The next read receives exactly these poses in place of the sensor's.
-    pub fn inject_pose(&mut self, message: PoseMessage) {
-        self.loopback.inject_pose(message);
-    }
-
-    /// The next read receives exactly this feedback in place of the driver's.
-    pub fn inject_feedback(&mut self, message: CoilFeedback) {
-        self.loopback.inject_feedback(message);
     }
 
     /// The newest messages that came about on the way to `now`.
@@ -85,5 +76,15 @@ impl Hardware for SimulatedRig {
         // A driver that refuses says so in its feedback alone, as a remote one does.
         let _ = self.plant.offer(&message, now);
         Ok(())
+    }
+}
+
+impl Stepped for SimulatedRig {
+    fn inject_pose(&mut self, message: PoseMessage) {
+        self.loopback.inject_pose(message);
+    }
+
+    fn inject_feedback(&mut self, message: CoilFeedback) {
+        self.loopback.inject_feedback(message);
     }
 }

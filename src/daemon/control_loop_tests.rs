@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use magsteer_hal::conformance::Stepped;
 use magsteer_hal::message::{driver_state, order};
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::scripted::{EchoHardware, example_description};

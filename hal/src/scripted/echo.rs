@@ -1,5 +1,6 @@
 //! An ideal rig: measured currents and angles equal the guard's set point, poses are what the test says.
 
+use crate::conformance::Stepped;
 use crate::description::HardwareDescription;
 use crate::gate::AdmittedCommand;
 use crate::guard::CommandGuard;
@@ -61,16 +62,6 @@ impl EchoHardware {
         self.is_silent = is_silent;
     }
 
-    /// The next read receives exactly these poses.
-    pub const fn inject_pose(&mut self, message: PoseMessage) {
-        self.loopback.inject_pose(message);
-    }
-
-    /// The next read receives exactly this feedback.
-    pub const fn inject_feedback(&mut self, message: CoilFeedback) {
-        self.loopback.inject_feedback(message);
-    }
-
     /// The driver's guard, with its counts.
     #[must_use]
     pub const fn guard(&self) -> &CommandGuard {
@@ -111,5 +102,15 @@ impl Hardware for EchoHardware {
         // A driver that refuses says so in its feedback alone, as a remote one would.
         let _ = self.guard.offer(&message, now);
         Ok(())
+    }
+}
+
+impl Stepped for EchoHardware {
+    fn inject_pose(&mut self, message: PoseMessage) {
+        self.loopback.inject_pose(message);
+    }
+
+    fn inject_feedback(&mut self, message: CoilFeedback) {
+        self.loopback.inject_feedback(message);
     }
 }
