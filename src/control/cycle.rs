@@ -80,6 +80,30 @@ pub struct CycleOutcome {
     pub saturated: u32,
 }
 
+impl CycleOutcome {
+    /// Asks for `request` with nothing amiss, every tangent along z: for a controller without a model, such as a scripted one.
+    #[must_use]
+    pub const fn asking_for(request: Actuation) -> Self {
+        const UP: Directions = [[0.0, 0.0, 1.0]; MAGNETS_MAX];
+        Self {
+            request,
+            desired: UP,
+            measured: UP,
+            predicted: UP,
+            model: ModelReport {
+                converged: true,
+                residual: 0.0,
+                passes: 1,
+                jacobian_age: 0,
+                margin: 1.0,
+                field_valid: true,
+            },
+            condition: 1.0,
+            saturated: 0,
+        }
+    }
+}
+
 /// Why a cycle asks to be stopped is judged by the supervisor from the outcome; a step itself cannot fail.
 pub trait Step {
     /// Runs one cycle. Never panics, allocates nothing.
