@@ -7,8 +7,9 @@
 use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
 use super::chain::Pose;
-use super::dynamics::{DISSIPATION, Motion, Rod};
+use super::dynamics::{DISSIPATION, Rod};
 use super::element::{EndTangent, Link, Share, blocks};
+use super::motion::Motion;
 use super::rotation::{matrix, skew};
 
 impl Rod {

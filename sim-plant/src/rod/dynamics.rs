@@ -35,7 +35,7 @@ use super::balance::split;
 use super::block_tridiagonal::BlockTridiagonal;
 use super::chain::{Chain, Meshing, Pose};
 use super::element::{Link, Strain};
-use super::rotation::exponential;
+use super::motion::Motion;
 use crate::field::Field;
 
 /// Numerical dissipation `x`.
@@ -90,25 +90,6 @@ impl Energy {
     pub fn total(&self) -> f64 {
         self.kinetic + self.elastic + self.gravity
     }
-}
-
-/// State and unknowns of one body.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Motion {
-    pub(super) pose: Pose,
-    /// `v`, world.
-    pub(super) velocity: Vector3<f64>,
-    /// `W`, body axes.
-    pub(super) spin: Vector3<f64>,
-    /// `d` of the running or last step.
-    shift: Vector3<f64>,
-    /// `T` of the running or last step.
-    turn: Vector3<f64>,
-    /// `d` and `T` of the step before, for the prediction.
-    shift_before: Vector3<f64>,
-    turn_before: Vector3<f64>,
-    pub(super) half: Pose,
-    pub(super) end: Pose,
 }
 
 /// The rod: constants behind `chain`, everything else changes with time.
@@ -385,49 +366,5 @@ impl Rod {
             *motion = Motion::at_rest(motion.pose);
         }
         self.tangent_is_kept = false;
-    }
-}
-
-impl Motion {
-    fn at_rest(pose: Pose) -> Self {
-        let zero = Vector3::zeros();
-        Self {
-            pose,
-            velocity: zero,
-            spin: zero,
-            shift: zero,
-            turn: zero,
-            shift_before: zero,
-            turn_before: zero,
-            half: pose,
-            end: pose,
-        }
-    }
-
-    fn start_from_no_motion(&mut self) {
-        (self.shift, self.turn) = (Vector3::zeros(), Vector3::zeros());
-        self.place();
-    }
-
-    /// Lets the next prediction be that of constant velocity.
-    fn expect_to_go_on(&mut self, step: f64) {
-        (self.shift, self.turn) = (self.velocity * step, self.spin * step);
-        (self.shift_before, self.turn_before) = (self.shift, self.turn);
-    }
-
-    /// Puts the half-way and the end pose where the unknowns say.
-    fn place(&mut self) {
-        let half = exponential(&(self.turn * 0.5));
-        self.half =
-            Pose { position: self.pose.position + self.shift * 0.5, rotation: self.pose.rotation * half };
-        self.end = Pose { position: self.pose.position + self.shift, rotation: self.half.rotation * half };
-    }
-
-    /// Velocity and spin at the end of the step.
-    pub(super) fn velocities_after(&self, step: f64, share: f64) -> (Vector3<f64>, Vector3<f64>) {
-        let after = |increment: &Vector3<f64>, before: &Vector3<f64>| {
-            (increment / step - before * (1.0 - share)) / share // (i)
-        };
-        (after(&self.shift, &self.velocity), after(&self.turn, &self.spin))
     }
 }

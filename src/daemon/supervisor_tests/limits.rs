@@ -1,0 +1,196 @@
+//! Limits, requests and answers one by one.
+
+use magsteer_hal::message::driver_state;
+use magsteer_hal::operator::{Cause, state};
+
+use super::bench::{Bench, limits, ms};
+use crate::daemon::state::{Directive, Verb};
+use crate::daemon::supervisor::Supervisor;
+
+#[test]
+fn poses_late_by_the_hold_limit_hold_and_come_back_without_a_request() {
+    let mut bench = Bench::active();
+    bench.sensor_alive = false;
+    assert_eq!(bench.cycles(50).state, state::ACTIVE, "50 ms old poses are still steered by");
+    let decision = bench.cycle(None);
+    assert_eq!((decision.state, decision.directive), (state::HOLDING, Directive::Hold));
+    bench.sensor_alive = true;
+    let decision = bench.cycle(None);
+    // The request of this cycle was made without sensing: it is not followed yet.
+    assert_eq!((decision.state, decision.directive), (state::ACTIVE, Directive::Hold));
+    assert_eq!(bench.cycle(None).directive, Directive::Follow);
+}
+
+#[test]
+fn poses_missing_for_the_stop_limit_end_in_a_latched_fault() {
+    let mut bench = Bench::active();
+    bench.sensor_alive = false;
+    let after = bench.until(state::SAFE_STOP, ms(400)).expect("the stop limit is 250 ms");
+    assert_eq!(after, ms(251));
+    bench.until(state::FAULT, ms(100)).expect("the driver ramps down within two cycles");
+    assert_eq!(bench.ask(Verb::Reset), Err(Cause::PoseStale), "the sensor is still silent");
+    bench.sensor_alive = true;
+    bench.cycle(None);
+    assert_eq!(bench.cycles(1_000).state, state::FAULT, "nothing resumes by itself");
+    assert_eq!(bench.ask(Verb::Reset), Ok(state::IDLE));
+}
+
+#[test]
+fn an_operators_hold_outlasts_a_loss_of_sensing() {
+    let mut bench = Bench::in_state(state::HOLDING);
+    assert_eq!(bench.cycle(None).directive, Directive::Follow, "held in closed loop");
+    bench.sensor_alive = false;
+    assert_eq!(bench.cycles(60).directive, Directive::Hold);
+    bench.sensor_alive = true;
+    bench.cycle(None);
+    let decision = bench.cycle(None);
+    assert_eq!((decision.state, decision.directive), (state::HOLDING, Directive::Follow));
+    assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE));
+}
+
+#[test]
+fn the_first_command_of_an_activity_is_what_was_measured() {
+    let mut bench = Bench::armed();
+    assert_eq!(bench.cycle(Some(Verb::Go)).directive, Directive::Begin);
+    assert_eq!(bench.cycle(None).directive, Directive::Follow);
+}
+
+#[test]
+fn arming_names_what_is_missing() {
+    type Spoil = fn(&mut Bench);
+    let cases: [(Cause, Spoil); 6] = [
+        (Cause::PoseStale, |bench| {
+            bench.sensor_alive = false;
+            bench.cycles(100);
+        }),
+        (Cause::FeedbackStale, |bench| {
+            bench.driver_alive = false;
+            bench.cycles(300);
+        }),
+        (Cause::DriverBusy, |bench| bench.driver().state = driver_state::DRIVEN),
+        (Cause::DriverBusy, |bench| bench.driver().current_max = 0.2),
+        (Cause::DescriptionMismatch, |bench| bench.seen.description_mismatch = true),
+        (Cause::ArmTimeout, |bench| bench.driver_obeys = false),
+    ];
+    for (cause, spoil) in cases {
+        let mut bench = Bench::idle();
+        spoil(&mut bench);
+        assert_eq!(bench.ask(Verb::Arm), Err(cause));
+        assert_eq!(bench.cycles(200).state, state::IDLE);
+        assert_eq!(bench.supervisor.epoch(), 0, "no authority is left behind");
+    }
+}
+
+#[test]
+fn arming_is_refused_when_enforced_real_time_is_missing() {
+    let mut bench = Bench::new();
+    bench.supervisor = Supervisor::new(limits(), 2, true);
+    bench.cycle(None);
+    assert_eq!(bench.ask(Verb::Arm), Err(Cause::RealtimeMissing));
+}
+
+#[test]
+fn a_stop_cancels_a_claim_and_both_requests_are_answered() {
+    let mut bench = Bench::idle();
+    bench.driver_obeys = false;
+    let claim = bench.next_id;
+    assert_eq!(bench.cycle(Some(Verb::Arm)).directive, Directive::Claim);
+    let decision = bench.cycle(Some(Verb::Stop));
+    let answers: Vec<_> = decision.answers.into_iter().flatten().collect();
+    assert_eq!(answers[0].id, claim);
+    assert_eq!(answers[0].refused, Some(Cause::OperatorStop));
+    assert_eq!((answers[1].refused, decision.state), (None, state::IDLE));
+}
+
+#[test]
+fn a_stop_ends_on_measured_current_not_on_commanded() {
+    let mut bench = Bench::active();
+    bench.driver_obeys = false;
+    bench.ask(Verb::Stop).expect("stopping is allowed");
+    assert_eq!(bench.cycles(500).state, state::SAFE_STOP, "current still flows");
+    bench.driver().current_max = 0.09;
+    let decision = bench.cycle(None);
+    assert_eq!((decision.state, decision.cause), (state::IDLE, Some(Cause::OperatorStop)));
+}
+
+#[test]
+fn a_ramp_that_takes_too_long_cuts_the_amplifiers() {
+    let mut bench = Bench::active();
+    bench.driver_obeys = false;
+    bench.ask(Verb::Stop).expect("stopping is allowed");
+    let decision = bench.cycles(1_100);
+    assert_eq!((decision.state, decision.cause), (state::FAULT, Some(Cause::RampTimeout)));
+    assert_eq!(decision.directive, Directive::Disable);
+    assert_eq!(bench.ask(Verb::Reset), Err(Cause::RampTimeout), "current still flows");
+}
+
+#[test]
+fn the_worst_cause_of_an_episode_wins_and_stays() {
+    let mut bench = Bench::active();
+    bench.driver_obeys = false;
+    bench.ask(Verb::Stop).expect("stopping is allowed");
+    bench.driver().over_current = true;
+    assert_eq!(bench.cycle(None).cause, Some(Cause::OverCurrent));
+    bench.driver().over_current = false;
+    bench.driver().fault = 3;
+    assert_eq!(bench.cycle(None).cause, Some(Cause::OverCurrent), "a milder one does not replace it");
+    bench.ask(Verb::EmergencyStop).expect("always allowed");
+    assert_eq!(bench.cycle(None).cause, Some(Cause::EmergencyStop));
+}
+
+#[test]
+fn an_emergency_stop_from_idle_carries_an_epoch_that_the_driver_can_obey() {
+    let mut bench = Bench::idle();
+    let decision = bench.cycle(Some(Verb::EmergencyStop));
+    assert_eq!(decision.directive, Directive::Disable);
+    assert!(decision.epoch > 0);
+}
+
+#[test]
+fn after_an_emergency_stop_it_takes_reset_and_arm_and_go() {
+    let mut bench = Bench::in_state(state::FAULT);
+    assert_eq!(bench.ask(Verb::Arm), Err(Cause::EmergencyStop));
+    assert_eq!(bench.ask(Verb::Go), Err(Cause::EmergencyStop));
+    assert_eq!(bench.ask(Verb::Reset), Ok(state::IDLE));
+    assert_eq!(bench.ask(Verb::Go), Err(Cause::WrongState));
+    assert_eq!(bench.ask(Verb::Arm), Ok(state::ARMED));
+    assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE));
+}
+
+#[test]
+fn targets_that_are_no_unit_vectors_are_refused() {
+    let mut bench = Bench::idle();
+    let good = [0.6, 0.0, 0.8];
+    for bad in [[0.0; 3], [f64::NAN, 0.0, 1.0], [1.0, 1.0, 0.0], [f64::INFINITY, 0.0, 0.0]] {
+        let mut target = [[0.0; 3]; 8];
+        (target[0], target[1]) = (good, bad);
+        assert_eq!(bench.ask(Verb::SetTarget(target)), Err(Cause::TargetInvalid), "{bad:?}");
+    }
+    let mut target = [[0.0; 3]; 8];
+    (target[0], target[1]) = (good, good);
+    let decision = bench.cycle(Some(Verb::SetTarget(target)));
+    assert_eq!(decision.target, Some(target));
+}
+
+#[test]
+fn a_process_told_to_end_ramps_down_and_takes_no_more_orders() {
+    let mut bench = Bench::active();
+    bench.ask(Verb::Terminate).expect("ending is allowed");
+    bench.until(state::IDLE, ms(50)).expect("the driver ramps down within two cycles");
+    bench.cycles(2);
+    assert!(bench.supervisor.has_ended(bench.now));
+    assert_eq!(bench.ask(Verb::Arm), Err(Cause::Ending));
+}
+
+#[test]
+fn authority_is_released_until_the_driver_shows_it() {
+    let mut bench = Bench::active();
+    bench.ask(Verb::Stop).expect("stopping is allowed");
+    let mut released = 0;
+    for _ in 0..10 {
+        released += u32::from(bench.cycle(None).directive == Directive::Release);
+    }
+    assert!(released >= 1);
+    assert_eq!(bench.cycle(None).directive, Directive::Silent);
+    assert_eq!(bench.supervisor.epoch(), 0);
+}

@@ -1,0 +1,7 @@
+//! Tests of the state machine: every (state, event) pair against a table, limits one by one, and
+//! random sequences of events against what must never happen.
+
+mod bench;
+mod limits;
+mod random;
+mod table;

@@ -1,0 +1,101 @@
+//! Random sequences of events against what must never happen.
+
+use rand::{RngExt, SeedableRng};
+
+use super::bench::Bench;
+use crate::daemon::state::{Directive, State, Verb};
+use crate::daemon::supervisor::Decision;
+use crate::daemon::watch::{Response, response};
+
+/// Goal: over random events, healthy and faulty, what must never happen does not.
+#[test]
+fn random_events_never_break_the_rules() {
+    for seed in 0..40 {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut bench = Bench::new();
+        let mut before = *bench.supervisor.state();
+        let mut reached = [false; 7];
+        for _ in 0..4_000 {
+            let verb = random_event(&mut random, &mut bench);
+            let decision = bench.cycle(verb);
+            check_rules(&before, verb, &decision, &bench, seed);
+            before = *bench.supervisor.state();
+            reached[before.code() as usize] = true;
+        }
+        assert!(reached.iter().skip(1).all(|reached| *reached), "seed {seed} visits every state");
+    }
+}
+
+fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Option<Verb> {
+    let toss = |random: &mut rand_chacha::ChaCha8Rng, chance| random.random_bool(chance);
+    // Faults come rarely and go soon, so that the machine also works.
+    if toss(random, 0.004) {
+        match random.random_range(0..9) {
+            0 => bench.sensor_alive = false,
+            1 => bench.driver_alive = false,
+            2 => bench.seen.model_converged = false,
+            3 => bench.driver().fault = 1,
+            4 => bench.driver().over_current = true,
+            5 => bench.driver().state = random.random_range(0..4),
+            6 => bench.driver_obeys = false,
+            7 => bench.seen.missed = random.random_range(0..500),
+            _ => bench.seen.request_finite = false,
+        }
+    }
+    if toss(random, 0.02) {
+        (bench.sensor_alive, bench.driver_alive, bench.driver_obeys) = (true, true, true);
+        (bench.seen.model_converged, bench.seen.request_finite, bench.seen.missed) = (true, true, 0);
+        (bench.driver().fault, bench.driver().over_current) = (0, false);
+    }
+    if !toss(random, 0.1) {
+        return None;
+    }
+    let verbs = [
+        Verb::Arm,
+        Verb::Arm,
+        Verb::Go,
+        Verb::Go,
+        Verb::Hold,
+        Verb::Stop,
+        Verb::Reset,
+        Verb::Reset,
+        Verb::SetTarget([[1.0, 0.0, 0.0]; 8]),
+        Verb::EmergencyStop,
+    ];
+    let last = if toss(random, 0.1) { verbs.len() } else { verbs.len() - 1 };
+    Some(verbs[random.random_range(0..last)])
+}
+
+fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &Bench, seed: u64) {
+    let context = format!("seed {seed}: {before:?} with {verb:?} gave {decision:?}");
+    let after = bench.supervisor.state();
+    let drives = matches!(decision.directive, Directive::Begin | Directive::Follow | Directive::Hold);
+    assert_eq!(drives, matches!(after, State::Active | State::Holding { .. }), "{context}");
+    if matches!(before, State::Fault { .. }) && !matches!(after, State::Fault { .. }) {
+        assert_eq!(verb, Some(Verb::Reset), "only a reset leaves Fault: {context}");
+        assert_eq!(*after, State::Idle, "{context}");
+    }
+    if matches!(after, State::Active) && !matches!(before, State::Active | State::Holding { .. }) {
+        assert_eq!((before, verb), (&State::Armed, Some(Verb::Go)), "{context}");
+    }
+    if matches!(after, State::Arming { .. }) && !matches!(before, State::Arming { .. }) {
+        assert_eq!(verb, Some(Verb::Arm), "{context}");
+    }
+    if let (State::SafeStop { .. }, false) = (before, matches!(after, State::SafeStop { .. })) {
+        assert!(matches!(after, State::Idle | State::Fault { .. }), "{context}");
+    }
+    if let (State::Fault { cause: old }, State::Fault { cause: new }) = (before, after) {
+        assert!(new >= old, "a worse cause is never replaced by a milder one: {context}");
+    }
+    if let State::Fault { cause } = after {
+        let disables = response(*cause) == Response::Disable;
+        assert_eq!(disables, decision.directive == Directive::Disable, "{context}");
+    }
+    if !matches!(decision.directive, Directive::Silent) {
+        assert!(decision.epoch > 0, "nothing is sent without an epoch: {context}");
+    }
+    let faulty = bench.seen.driver.is_some_and(|driver| driver.over_current);
+    if faulty && *after != State::Boot {
+        assert_eq!(decision.directive, Directive::Disable, "{context}");
+    }
+}

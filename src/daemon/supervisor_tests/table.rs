@@ -1,0 +1,96 @@
+//! Where each event leads from each state.
+
+use magsteer_hal::message::driver_state;
+use magsteer_hal::operator::{Cause, state};
+
+use super::bench::Bench;
+use crate::daemon::state::Verb;
+use crate::daemon::supervisor::Decision;
+
+/// What happens to a daemon in the table below.
+#[derive(Debug, Clone, Copy)]
+enum Event {
+    Ask(Verb),
+    PosesStop,
+    ModelFails,
+    FieldInvalid,
+    FeedbackStops,
+    AuthorityLost,
+    DriverCut,
+    DriverFault,
+    OverCurrent,
+    Overruns,
+    RequestNotFinite,
+    WritesFail,
+}
+
+impl Event {
+    /// Lets the event happen for half a second; returns the last decision.
+    fn happen(self, bench: &mut Bench) -> Decision {
+        match self {
+            // Whether it is refused shows in the state.
+            Self::Ask(verb) => _ = bench.ask(verb),
+            Self::PosesStop => bench.sensor_alive = false,
+            Self::ModelFails => bench.seen.model_converged = false,
+            Self::FieldInvalid => bench.seen.field_valid = false,
+            Self::FeedbackStops => bench.driver_alive = false,
+            Self::AuthorityLost => (bench.driver().state, bench.driver_obeys) = (driver_state::IDLE, false),
+            Self::DriverCut => bench.driver().state = driver_state::DISABLED,
+            Self::DriverFault => bench.driver().fault = 7,
+            Self::OverCurrent => bench.driver().over_current = true,
+            Self::Overruns => bench.seen.missed = 10,
+            Self::RequestNotFinite => bench.seen.request_finite = false,
+            Self::WritesFail => bench.seen.write_failed = true,
+        }
+        bench.cycles(500)
+    }
+}
+
+/// Goal: each event in each state, half a second later. A letter names the state: `b`oot, `i`dle, `a`rmed,
+/// a`c`tive, `h`olding, `s`afe-stop, `f`ault; the columns are the states before, in the same order.
+#[test]
+fn every_event_in_every_state_leads_where_the_table_says() {
+    use Event::{
+        Ask, AuthorityLost, DriverCut, DriverFault, FeedbackStops, FieldInvalid, ModelFails, OverCurrent,
+        Overruns, PosesStop, RequestNotFinite, WritesFail,
+    };
+    let target = [[0.0, 0.0, 1.0]; 8];
+    let table: [(Event, &str, Option<Cause>); 19] = [
+        //                              biachsf
+        (Ask(Verb::Arm), "baachsf", None),
+        (Ask(Verb::Go), "bicccsf", None),
+        (Ask(Verb::Hold), "biahhsf", None),
+        (Ask(Verb::Stop), "biiiisf", None),
+        (Ask(Verb::Terminate), "biiiisf", None),
+        (Ask(Verb::Reset), "biachsi", None),
+        (Ask(Verb::EmergencyStop), "fffffff", Some(Cause::EmergencyStop)),
+        (Ask(Verb::SetTarget(target)), "biachsf", None),
+        (PosesStop, "biaffsf", Some(Cause::PoseStale)),
+        (ModelFails, "biaffsf", Some(Cause::ModelNotConverged)),
+        (FieldInvalid, "biaffsf", Some(Cause::FieldModelInvalid)),
+        (FeedbackStops, "bissssf", Some(Cause::FeedbackStale)),
+        (AuthorityLost, "bifsssf", Some(Cause::AuthorityLost)),
+        (DriverCut, "bifffsf", Some(Cause::DriverDisabled)),
+        (DriverFault, "bffffff", Some(Cause::DriverFault)),
+        (OverCurrent, "bffffff", Some(Cause::OverCurrent)),
+        (Overruns, "bifffsf", Some(Cause::Overruns)),
+        (RequestNotFinite, "biaffsf", Some(Cause::RequestNotFinite)),
+        (WritesFail, "bifffsf", Some(Cause::CommandNotSent)),
+    ];
+    let letters = ["b", "i", "a", "c", "h", "s", "f"];
+    for (event, row, cause) in table {
+        for (code, expected) in (0_u32..).zip(row.chars()) {
+            let mut bench = Bench::in_state(code);
+            let before = bench.supervisor.state().code();
+            assert_eq!(before, code, "the bench reached the state");
+            let decision = event.happen(&mut bench);
+            let after = letters[decision.state as usize];
+            assert_eq!(after, expected.to_string(), "{event:?} in {}", state::name(code));
+            let stopped = (state::ARMED..=state::HOLDING).contains(&code)
+                && matches!(decision.state, state::FAULT | state::SAFE_STOP);
+            if let (true, Some(cause)) = (stopped, cause) {
+                assert_eq!(decision.cause, Some(cause), "{event:?} in {}", state::name(code));
+            }
+        }
+    }
+}
