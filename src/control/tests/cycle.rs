@@ -83,8 +83,8 @@ fn steering_begins_without_a_bump() {
         cycle.step(&CycleInput { engaged: false, ..engaged });
     }
     let first = cycle.step(&engaged);
-    for magnet in 0..2 {
-        let moved = (Vector3::from(first.desired[magnet]) - Vector3::from(rest[magnet])).norm();
+    for (desired, rest) in first.desired.iter().zip(&rest).take(2) {
+        let moved = (Vector3::from(*desired) - Vector3::from(*rest)).norm();
         // Within one cycle of a system with T = 60 ms: a step of a radian times (1 ms / 60 ms)^2.
         assert!(moved < 3e-4, "{moved}");
     }
