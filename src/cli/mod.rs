@@ -15,7 +15,6 @@ mod field;
 mod figures;
 mod operator;
 mod output;
-#[cfg(feature = "sim")]
 mod play;
 mod rig_file;
 mod run;

@@ -98,6 +98,7 @@ impl Session {
     ///
     /// # Errors
     /// When the daemon does not answer, or refuses: the message carries its reason.
+    #[cfg(feature = "sim")]
     pub fn request(&mut self, verb: u32, name: &str) -> anyhow::Result<()> {
         self.send(OperatorRequest { verb, ..OperatorRequest::default() }, name)
     }
@@ -106,6 +107,7 @@ impl Session {
     ///
     /// # Errors
     /// The last refusal.
+    #[cfg(feature = "sim")]
     pub fn arm(&mut self, wait: Duration) -> anyhow::Result<()> {
         let deadline = Instant::now() + wait;
         loop {
