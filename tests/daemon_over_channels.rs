@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ideal_driver::Driver;
-use magsteer::control::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
+use magsteer::control::{CycleInput, CycleOutcome, Directions, Step};
 use magsteer::daemon::{DaemonConfig, RunError, RunPlan, RunReport, StopFlag, run};
 use magsteer_hal::channels::{Endpoint, OperatorClient, PrivateRoot};
 use magsteer_hal::message::driver_state;
@@ -19,7 +19,6 @@ use magsteer_hal::scripted::example_description;
 use magsteer_hal::{Actuation, Stamp};
 
 const PATIENCE: Duration = Duration::from_secs(20);
-const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// Wide limits: a machine that runs many tests at once stops threads for long.
 const CONFIG: &str = r#"
@@ -53,22 +52,7 @@ impl Step for Constant {
         if input.engaged {
             request.current_a[..3].copy_from_slice(&[2.0, -2.0, 1.0]);
         }
-        CycleOutcome {
-            request,
-            desired: input.target,
-            measured: [UP; 8],
-            predicted: [UP; 8],
-            model: ModelReport {
-                converged: true,
-                residual: 0.0,
-                passes: 1,
-                jacobian_age: 0,
-                margin: 1.0,
-                field_valid: true,
-            },
-            condition: 1.0,
-            saturated: 0,
-        }
+        CycleOutcome { desired: input.target, ..CycleOutcome::asking_for(request) }
     }
 }
 

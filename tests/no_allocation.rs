@@ -9,7 +9,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::time::Duration;
 
-use magsteer::control::{CycleInput, CycleOutcome, ModelReport, Step};
+use magsteer::control::{CycleInput, CycleOutcome, Step};
 use magsteer::daemon::{ControlLoop, CycleRecord, DaemonConfig, LoopOptions, Request, Tick, Verb};
 use magsteer_hal::channels::{DaemonServices, DriverEnd, PrivateRoot};
 use magsteer_hal::operator::state;
@@ -89,22 +89,9 @@ impl Step for Scripted {
         if input.engaged {
             request.current_a[0] = self.current;
         }
-        CycleOutcome {
-            request,
-            desired: input.target,
-            measured: [UP; 8],
-            predicted: [UP; 8],
-            model: ModelReport {
-                converged: self.converged,
-                residual: 0.0,
-                passes: 1,
-                jacobian_age: 0,
-                field_valid: true,
-                margin: 1.0,
-            },
-            condition: 1.0,
-            saturated: 0,
-        }
+        let mut outcome = CycleOutcome { desired: input.target, ..CycleOutcome::asking_for(request) };
+        outcome.model.converged = self.converged;
+        outcome
     }
 }
 

@@ -16,7 +16,7 @@ use magsteer::magnetics::CoilArray;
 use magsteer::rod::{Pass, PassMode, TipLoad};
 use magsteer_hal::{Actuation, HardwareDescription, PoseMessage};
 use magsteer_sim_plant::{Plant, PlantConfig};
-use nalgebra::{Quaternion, Vector3};
+use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -129,9 +129,7 @@ impl Rig {
             assert_eq!(truth.magnet_count as usize, pass.magnets().len());
             for (index, predicted) in pass.magnets().iter().enumerate() {
                 let seen = &truth.magnets[index];
-                let [x, y, z, w] = seen.orientation_xyzw;
-                let tangent = third_axis(&Quaternion::new(w, x, y, z));
-                let angle = degrees_between(&tangent, &predicted.tangent());
+                let angle = degrees_between(&seen.tangent().into(), &predicted.tangent());
                 let position = (Vector3::from(seen.position_m) - predicted.position()).norm() * 1e3;
                 comparison.angle_deg = comparison.angle_deg.max(angle);
                 comparison.position_mm = comparison.position_mm.max(position);
@@ -141,12 +139,6 @@ impl Rig {
         }
         comparison
     }
-}
-
-/// Third column of the rotation of a unit quaternion.
-fn third_axis(rotation: &Quaternion<f64>) -> Vector3<f64> {
-    let (w, x, y, z) = (rotation.w, rotation.i, rotation.j, rotation.k);
-    Vector3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y))
 }
 
 fn degrees_between(first: &Vector3<f64>, second: &Vector3<f64>) -> f64 {

@@ -60,6 +60,15 @@ pub struct MagnetPose {
     pub reserved: u32,
 }
 
+impl MagnetPose {
+    /// The magnet's tangent in the world frame: body z, the third column of the rotation. A unit vector when the quaternion is one.
+    #[must_use]
+    pub fn tangent(&self) -> [f64; 3] {
+        let [x, y, z, w] = self.orientation_xyzw;
+        [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)]
+    }
+}
+
 /// Measured poses of all magnets, driver to daemon.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
@@ -173,4 +182,25 @@ pub struct CoilFeedback {
     pub pose_parameter_count: u32,
     /// Measured currents and angles.
     pub measured: Actuation,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::MagnetPose;
+
+    #[test]
+    fn tangent_is_body_z_turned_into_the_world() {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let quarter_turns = [
+            ([0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0]),
+            ([half, 0.0, 0.0, half], [0.0, -1.0, 0.0]),
+            ([0.0, half, 0.0, half], [1.0, 0.0, 0.0]),
+            ([0.0, 0.0, half, half], [0.0, 0.0, 1.0]),
+        ];
+        for (orientation_xyzw, expected) in quarter_turns {
+            let found = MagnetPose { orientation_xyzw, ..MagnetPose::default() }.tangent();
+            let off = found.iter().zip(expected).map(|(found, expected)| (found - expected).abs());
+            assert!(off.fold(0.0, f64::max) < 1e-15, "{orientation_xyzw:?}: {found:?}");
+        }
+    }
 }

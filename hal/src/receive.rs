@@ -20,14 +20,35 @@ pub const FUTURE_TOLERANCE: Duration = Duration::from_millis(1);
 /// How far a quaternion's norm may lie off 1; within it is normalised at receipt.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 
-/// Order of the messages of one channel.
-#[derive(Debug, Clone, Copy, Default)]
-struct Track {
-    last: Option<Header>,
+/// A message that begins with the common header.
+trait Headed: Copy {
+    fn header(&self) -> &Header;
+}
+
+impl Headed for PoseMessage {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+}
+
+impl Headed for CoilFeedback {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+}
+
+/// The accepted messages of one channel: the last one, and their order.
+#[derive(Debug, Clone)]
+struct Track<M> {
+    last: Option<M>,
     restarts: u64,
 }
 
-impl Track {
+impl<M: Headed> Track<M> {
+    const fn new() -> Self {
+        Self { last: None, restarts: 0 }
+    }
+
     fn check(&self, header: &Header, now: Stamp) -> Result<(), Absent> {
         if header.schema != SCHEMA {
             return Err(Absent::Schema { expected: SCHEMA, actual: header.schema });
@@ -39,7 +60,7 @@ impl Track {
         if header.valid_until_ns != 0 && now.nanoseconds() >= header.valid_until_ns {
             return Err(Absent::Expired { late_ns: now.nanoseconds() - header.valid_until_ns });
         }
-        match &self.last {
+        match self.last.as_ref().map(Headed::header) {
             Some(last) if header.sequence == 0 => Err(Absent::Sequence { last: last.sequence, actual: 0 }),
             Some(last) if last.epoch == header.epoch && header.sequence <= last.sequence => {
                 Err(Absent::Sequence { last: last.sequence, actual: header.sequence })
@@ -52,9 +73,24 @@ impl Track {
         }
     }
 
-    fn accept(&mut self, header: &Header) {
-        self.restarts += u64::from(self.last.is_some_and(|last| last.epoch != header.epoch));
-        self.last = Some(*header);
+    /// The reading that follows from what was judged, if anything arrived.
+    fn take(&mut self, judged: Option<Result<M, Absent>>) -> Reading<M> {
+        let (fresh, refused) = match judged {
+            None => (false, None),
+            Some(Ok(message)) => {
+                let epoch = message.header().epoch;
+                self.restarts += u64::from(self.last.is_some_and(|last| last.header().epoch != epoch));
+                self.last = Some(message);
+                (true, None)
+            }
+            Some(Err(absent)) => (false, Some(absent)),
+        };
+        Reading { last: self.last, fresh, refused }
+    }
+
+    /// The reading when the transport failed to deliver.
+    const fn failed(&self) -> Reading<M> {
+        Reading { last: self.last, fresh: false, refused: Some(Absent::Transport) }
     }
 }
 
@@ -62,8 +98,7 @@ impl Track {
 #[derive(Debug, Clone)]
 pub struct PoseReceiver {
     magnet_count: u32,
-    track: Track,
-    last: Option<PoseMessage>,
+    track: Track<PoseMessage>,
 }
 
 impl PoseReceiver {
@@ -71,23 +106,19 @@ impl PoseReceiver {
     #[must_use]
     pub fn new(description: &HardwareDescription) -> Self {
         let magnet_count = count(description.magnets().count(), MAGNETS_MAX);
-        Self { magnet_count, track: Track::default(), last: None }
+        Self { magnet_count, track: Track::new() }
     }
 
     /// The reading at `now`, given the newest message received since the former one, if any.
     pub fn receive(&mut self, message: Option<&PoseMessage>, now: Stamp) -> Reading<PoseMessage> {
         let judged = message.map(|message| self.judge(message, now));
-        if let Some(Ok(accepted)) = &judged {
-            self.track.accept(&accepted.header);
-            self.last = Some(*accepted);
-        }
-        reading(self.last, judged)
+        self.track.take(judged)
     }
 
     /// The reading when the transport failed to deliver.
     #[must_use]
     pub const fn failed(&self) -> Reading<PoseMessage> {
-        Reading { last: self.last, fresh: false, refused: Some(Absent::Transport) }
+        self.track.failed()
     }
 
     /// How often the sender was followed by another one (its epoch changed).
@@ -139,8 +170,7 @@ pub struct FeedbackReceiver {
     coil_count: u32,
     pose_parameter_count: u32,
     fingerprint: u64,
-    track: Track,
-    last: Option<CoilFeedback>,
+    track: Track<CoilFeedback>,
 }
 
 impl FeedbackReceiver {
@@ -151,25 +181,20 @@ impl FeedbackReceiver {
             coil_count: count(description.coils.len(), COILS_MAX),
             pose_parameter_count: count(description.frames.len(), POSE_PARAMETERS_MAX),
             fingerprint: description.fingerprint(),
-            track: Track::default(),
-            last: None,
+            track: Track::new(),
         }
     }
 
     /// The reading at `now`, given the newest message received since the former one, if any.
     pub fn receive(&mut self, message: Option<&CoilFeedback>, now: Stamp) -> Reading<CoilFeedback> {
         let judged = message.map(|message| self.judge(message, now));
-        if let Some(Ok(accepted)) = &judged {
-            self.track.accept(&accepted.header);
-            self.last = Some(*accepted);
-        }
-        reading(self.last, judged)
+        self.track.take(judged)
     }
 
     /// The reading when the transport failed to deliver.
     #[must_use]
     pub const fn failed(&self) -> Reading<CoilFeedback> {
-        Reading { last: self.last, fresh: false, refused: Some(Absent::Transport) }
+        self.track.failed()
     }
 
     /// How often the sender was followed by another one (its epoch changed).
@@ -196,14 +221,6 @@ impl FeedbackReceiver {
         usable.measured.current_a[coils..].fill(0.0);
         usable.measured.angle_rad[frames..].fill(0.0);
         Ok(usable)
-    }
-}
-
-fn reading<T>(last: Option<T>, judged: Option<Result<T, Absent>>) -> Reading<T> {
-    match judged {
-        None => Reading { last, fresh: false, refused: None },
-        Some(Ok(_)) => Reading { last, fresh: true, refused: None },
-        Some(Err(absent)) => Reading { last, fresh: false, refused: Some(absent) },
     }
 }
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use magsteer_hal::channels::{DaemonEnd, DaemonServices, DriverEnd, Endpoint, PrivateRoot};
-use magsteer_hal::conformance::{Clause, Rig, Violation, run};
+use magsteer_hal::conformance::{Clause, Rig, Stepped, SteppedRig, Violation, run};
 use magsteer_hal::scripted::{EchoHardware, example_description};
 use magsteer_hal::{
     AdmittedCommand, CoilFeedback, CommandGuard, Hardware, HardwareDescription, MagnetPose,
@@ -19,49 +19,10 @@ fn assert_kept(found: &[Violation]) {
 }
 
 /// The ideal rig under stepped time.
-struct EchoRig {
-    description: HardwareDescription,
-    hardware: EchoHardware,
-    now: Stamp,
-}
-
-impl EchoRig {
-    fn new() -> Self {
-        let description = example_description();
-        let mut hardware = EchoHardware::new(&description);
-        hardware.read(START);
-        Self { description, hardware, now: START }
-    }
-}
-
-impl Rig for EchoRig {
-    type H = EchoHardware;
-
-    fn hardware(&mut self) -> &mut EchoHardware {
-        &mut self.hardware
-    }
-
-    fn description(&self) -> &HardwareDescription {
-        &self.description
-    }
-
-    fn now(&self) -> Stamp {
-        self.now
-    }
-
-    fn advance(&mut self, duration: Duration) {
-        self.now = self.now.after(duration);
-    }
-
-    fn inject_pose(&mut self, message: PoseMessage) -> bool {
-        self.hardware.inject_pose(message);
-        true
-    }
-
-    fn inject_feedback(&mut self, message: CoilFeedback) -> bool {
-        self.hardware.inject_feedback(message);
-        true
-    }
+fn echo_rig() -> SteppedRig<EchoHardware> {
+    let description = example_description();
+    let hardware = EchoHardware::new(&description);
+    SteppedRig::new(description, hardware, Duration::ZERO)
 }
 
 /// A driver of a few lines on the far side of the channels: guard, ideal amplifiers, a sensor that sees a rod at rest.
@@ -148,7 +109,7 @@ impl Rig for ChannelRig {
 
 #[test]
 fn echo_hardware_keeps_the_contract() {
-    assert_kept(&run(EchoRig::new));
+    assert_kept(&run(echo_rig));
 }
 
 #[test]
@@ -208,35 +169,14 @@ impl Hardware for Flawed {
     }
 }
 
-struct FlawedRig {
-    description: HardwareDescription,
-    hardware: Flawed,
-    now: Stamp,
-}
-
-impl Rig for FlawedRig {
-    type H = Flawed;
-
-    fn hardware(&mut self) -> &mut Flawed {
-        &mut self.hardware
+impl Stepped for Flawed {
+    fn inject_pose(&mut self, message: PoseMessage) {
+        self.garbage = Some(message);
+        self.inner.inject_pose(message);
     }
 
-    fn description(&self) -> &HardwareDescription {
-        &self.description
-    }
-
-    fn now(&self) -> Stamp {
-        self.now
-    }
-
-    fn advance(&mut self, duration: Duration) {
-        self.now = self.now.after(duration);
-    }
-
-    fn inject_pose(&mut self, message: PoseMessage) -> bool {
-        self.hardware.garbage = Some(message);
-        self.hardware.inner.inject_pose(message);
-        true
+    fn inject_feedback(&mut self, message: CoilFeedback) {
+        self.inner.inject_feedback(message);
     }
 }
 
@@ -254,10 +194,9 @@ fn suite_notices_every_flaw_by_the_clause_it_breaks() {
     for (flaw, clause) in cases {
         let found = run(|| {
             let description = example_description();
-            let mut inner = EchoHardware::new(&description);
-            inner.read(START);
+            let inner = EchoHardware::new(&description);
             let hardware = Flawed { inner, flaw, first: None, garbage: None, commanded: [0.0; 32] };
-            FlawedRig { description, hardware, now: START }
+            SteppedRig::new(description, hardware, Duration::ZERO)
         });
         assert!(found.iter().any(|violation| violation.clause == clause), "{flaw:?}: found {found:?}");
     }

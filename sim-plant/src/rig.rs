@@ -4,9 +4,10 @@
 //! that drives a real rig runs in lockstep, as fast as the machine allows and the same every time.
 //! The first read starts the clock and finds nothing.
 
+use magsteer_hal::conformance::Stepped;
+use magsteer_hal::scripted::Loopback;
 use magsteer_hal::{
-    AdmittedCommand, CoilFeedback, CommandWriter, FeedbackReceiver, Hardware, HardwareDescription,
-    HeaderWriter, PoseMessage, PoseReceiver, Sensed, Stamp, WriteError,
+    AdmittedCommand, CoilFeedback, Hardware, HardwareDescription, PoseMessage, Sensed, Stamp, WriteError,
 };
 
 use crate::plant::Plant;
@@ -17,13 +18,7 @@ pub struct SimulatedRig {
     plant: Plant,
     is_started: bool,
     reported_until: Stamp,
-    pose_header: HeaderWriter,
-    feedback_header: HeaderWriter,
-    pose: PoseReceiver,
-    feedback: FeedbackReceiver,
-    writer: CommandWriter,
-    injected_pose: Option<PoseMessage>,
-    injected_feedback: Option<CoilFeedback>,
+    loopback: Loopback,
 }
 
 impl SimulatedRig {
@@ -34,13 +29,7 @@ impl SimulatedRig {
             plant,
             is_started: false,
             reported_until: Stamp::default(),
-            pose_header: HeaderWriter::new(1),
-            feedback_header: HeaderWriter::new(1),
-            pose: PoseReceiver::new(description),
-            feedback: FeedbackReceiver::new(description),
-            writer: CommandWriter::new(description),
-            injected_pose: None,
-            injected_feedback: None,
+            loopback: Loopback::new(description),
         }
     }
 
@@ -48,16 +37,6 @@ impl SimulatedRig {
     #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant
-    }
-
-    /// The next read receives exactly these poses in place of the sensor's.
-    pub fn inject_pose(&mut self, message: PoseMessage) {
-        self.injected_pose = Some(message);
-    }
-
-    /// The next read receives exactly this feedback in place of the driver's.
-    pub fn inject_feedback(&mut self, message: CoilFeedback) {
-        self.injected_feedback = Some(message);
     }
 
     /// The newest messages that came about on the way to `now`.
@@ -72,7 +51,7 @@ impl SimulatedRig {
         while self.plant.now().after(self.plant.step_duration()) <= now {
             self.plant.advance();
             while let Some(mut message) = self.plant.take_pose() {
-                self.pose_header.write(&mut message.header, self.plant.now());
+                self.loopback.send_pose(&mut message.header, self.plant.now());
                 newest = Some(message);
             }
         }
@@ -81,7 +60,7 @@ impl SimulatedRig {
         }
         self.reported_until = self.plant.now();
         let mut feedback = self.plant.feedback();
-        self.feedback_header.write(&mut feedback.header, self.plant.now());
+        self.loopback.send_feedback(&mut feedback.header, self.plant.now());
         (newest, Some(feedback))
     }
 }
@@ -89,18 +68,23 @@ impl SimulatedRig {
 impl Hardware for SimulatedRig {
     fn read(&mut self, now: Stamp) -> Sensed {
         let (pose, feedback) = self.advance_to(now);
-        let pose = self.injected_pose.take().or(pose);
-        let feedback = self.injected_feedback.take().or(feedback);
-        Sensed {
-            pose: self.pose.receive(pose.as_ref(), now),
-            feedback: self.feedback.receive(feedback.as_ref(), now),
-        }
+        self.loopback.sense(pose, feedback, now)
     }
 
     fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {
-        let message = self.writer.message(command, now);
+        let message = self.loopback.command(command, now);
         // A driver that refuses says so in its feedback alone, as a remote one does.
         let _ = self.plant.offer(&message, now);
         Ok(())
+    }
+}
+
+impl Stepped for SimulatedRig {
+    fn inject_pose(&mut self, message: PoseMessage) {
+        self.loopback.inject_pose(message);
+    }
+
+    fn inject_feedback(&mut self, message: CoilFeedback) {
+        self.loopback.inject_feedback(message);
     }
 }

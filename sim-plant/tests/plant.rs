@@ -6,11 +6,9 @@ mod fixture;
 use std::time::Duration;
 
 use magsteer_hal::message::driver_state;
-use magsteer_hal::{
-    Actuation, Authority, Gate, Hardware, HardwareDescription, MagnetPose, PoseMessage, Sensed, Stamp,
-};
+use magsteer_hal::{Actuation, Authority, Gate, Hardware, HardwareDescription, PoseMessage, Sensed, Stamp};
 use magsteer_sim_plant::{Plant, PlantConfig, SimulatedRig};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 const CYCLE: Duration = Duration::from_millis(1);
@@ -27,17 +25,13 @@ fn plant_with(changes: &[(&str, Value)]) -> Plant {
     config.build(&fixture::bigmag()).expect("valid")
 }
 
-fn tangent(pose: &MagnetPose) -> Vector3<f64> {
-    let [x, y, z, w] = pose.orientation_xyzw;
-    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)) * Vector3::z()
-}
-
 /// Greatest angle (deg) and distance (m) between the magnets of two messages.
 fn difference(left: &PoseMessage, right: &PoseMessage) -> (f64, f64) {
     let pairs = left.magnets.iter().zip(&right.magnets).take(2);
     pairs.fold((0.0, 0.0), |(angle, distance): (f64, f64), (left, right)| {
         let apart = (Vector3::from(left.position_m) - Vector3::from(right.position_m)).norm();
-        (angle.max(tangent(left).angle(&tangent(right)).to_degrees()), distance.max(apart))
+        let turned = Vector3::from(left.tangent()).angle(&Vector3::from(right.tangent()));
+        (angle.max(turned.to_degrees()), distance.max(apart))
     })
 }
 

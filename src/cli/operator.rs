@@ -15,7 +15,7 @@ use super::rig_file::{RigArgs, channel_failure};
 /// How long to look for a daemon.
 const DAEMON_WAIT: Duration = Duration::from_millis(500);
 /// The daemon answers within 200 ms, or not at all; the rest is for a machine that stops processes.
-const ANSWER_WAIT: Duration = Duration::from_millis(400);
+pub const ANSWER_WAIT: Duration = Duration::from_millis(400);
 
 /// The rig that a request is for.
 #[derive(Debug, Args)]

@@ -9,7 +9,7 @@
 //! What is absent: a clock, a channel, an allocation after construction, a lock, a log, a panic.
 
 use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX, PoseMessage};
-use nalgebra::{Matrix3, Quaternion, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use super::allocation::{Allocation, Wish};
 use super::config::ControlConfig;
@@ -78,6 +78,30 @@ pub struct CycleOutcome {
     pub condition: f64,
     /// Actuation parameters at a limit of value or rate.
     pub saturated: u32,
+}
+
+impl CycleOutcome {
+    /// Asks for `request` with nothing amiss, every tangent along z: for a controller without a model, such as a scripted one.
+    #[must_use]
+    pub const fn asking_for(request: Actuation) -> Self {
+        const UP: Directions = [[0.0, 0.0, 1.0]; MAGNETS_MAX];
+        Self {
+            request,
+            desired: UP,
+            measured: UP,
+            predicted: UP,
+            model: ModelReport {
+                converged: true,
+                residual: 0.0,
+                passes: 1,
+                jacobian_age: 0,
+                margin: 1.0,
+                field_valid: true,
+            },
+            condition: 1.0,
+            saturated: 0,
+        }
+    }
 }
 
 /// Why a cycle asks to be stopped is judged by the supervisor from the outcome; a step itself cannot fail.
@@ -152,9 +176,7 @@ impl Cycle {
     fn measure(&mut self, pose: &PoseMessage) {
         for (measured, magnet) in self.measured.iter_mut().zip(&pose.magnets).take(self.magnets) {
             if magnet.valid == 1 {
-                let [x, y, z, w] = magnet.orientation_xyzw;
-                let tangent = third_axis(&Quaternion::new(w, x, y, z));
-                *measured = Some(tangent);
+                *measured = Some(Vector3::from(magnet.tangent()).normalize());
             }
         }
     }
@@ -265,11 +287,4 @@ impl Step for Cycle {
         outcome.desired = self.reference.directions();
         outcome
     }
-}
-
-/// Third column of the rotation of a unit quaternion: the tangent of a body whose z axis it is.
-fn third_axis(rotation: &Quaternion<f64>) -> Vector3<f64> {
-    let (w, x, y, z) = (rotation.w, rotation.i, rotation.j, rotation.k);
-    let tangent = Vector3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y));
-    tangent.normalize()
 }

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use magsteer_hal::conformance::Stepped;
 use magsteer_hal::message::{driver_state, order};
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::scripted::{EchoHardware, example_description};
@@ -14,7 +15,7 @@ use super::clock::Tick;
 use super::config::tests::shipped;
 use super::control_loop::{ControlLoop, CycleRecord, LoopOptions};
 use super::state::{Request, Verb};
-use crate::control::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
+use crate::control::{CycleInput, CycleOutcome, Directions, Step};
 
 const PERIOD: Duration = Duration::from_millis(1);
 const UP: [f64; 3] = [0.0, 0.0, 1.0];
@@ -31,22 +32,10 @@ struct Scripted {
 impl Step for Scripted {
     fn step(&mut self, input: &CycleInput) -> CycleOutcome {
         self.seen = Some(*input);
-        CycleOutcome {
-            request: if input.engaged { self.request } else { input.admitted },
-            desired: self.desired,
-            measured: [UP; 8],
-            predicted: [UP; 8],
-            model: ModelReport {
-                converged: self.converged,
-                residual: 0.0,
-                passes: 1,
-                jacobian_age: 0,
-                margin: 1.0,
-                field_valid: true,
-            },
-            condition: 1.0,
-            saturated: 0,
-        }
+        let request = if input.engaged { self.request } else { input.admitted };
+        let mut outcome = CycleOutcome { desired: self.desired, ..CycleOutcome::asking_for(request) };
+        outcome.model.converged = self.converged;
+        outcome
     }
 }
 

@@ -5,6 +5,7 @@
 //! | file | does |
 //! |---|---|
 //! | `control_loop` | one cycle: read, step, supervise, gate, write, record |
+//! | `config` | the `[daemon]` table |
 //! | `state` | the states with their diagram, requests, answers |
 //! | `supervisor` | decides the state and what the cycle may send |
 //! | `watch` | what is judged in a cycle, and which cause follows from it |

@@ -7,7 +7,7 @@ use magsteer::config::{Config, Document, Experiment};
 use magsteer::control::{Cycle, Directions};
 use magsteer::daemon::step_response::{Observation, StepResponse, judge};
 use magsteer::daemon::{ControlLoop, CycleRecord, LoopOptions, Request, Tick, Verb};
-use magsteer_hal::{MAGNETS_MAX, Stamp};
+use magsteer_hal::Stamp;
 use magsteer_sim_plant::{PlantConfig, SimulatedRig};
 
 /// A configuration of the rig and its plant.
@@ -125,12 +125,7 @@ impl Bench {
             let mut observations = Vec::new();
             let period = self.period.as_secs_f64();
             self.run(duration_s, |record, rig| {
-                let truth = rig.plant().truth();
-                let mut tangent = [[0.0; 3]; MAGNETS_MAX];
-                for (tangent, magnet) in tangent.iter_mut().zip(&truth.magnets) {
-                    let [x, y, z, w] = magnet.orientation_xyzw;
-                    *tangent = [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)];
-                }
+                let tangent = rig.plant().truth().magnets.map(|magnet| magnet.tangent());
                 let currents = record.input.measured.current_a;
                 let current = currents.iter().fold(0.0_f64, |most, current| most.max(current.abs()));
                 let time = observations.len() as f64 * period;

@@ -72,13 +72,14 @@ fn sweep(directory: &Path, prefix: &str, age: Duration) -> io::Result<()> {
         let made = metadata.modified().unwrap_or_else(|_| SystemTime::now());
         let is_old = SystemTime::now().duration_since(made).is_ok_and(|since| since >= age);
         if metadata.is_file() && metadata.permissions().mode() & OWNER_READS == 0 && is_old {
+            // What cannot be removed now may be the next time.
             let _ = fs::remove_file(entry.path());
         }
     }
     Ok(())
 }
 
-/// Removes every file in `directory` that starts with `prefix`.
+/// Removes every file in `directory` that starts with `prefix`. One that cannot be removed stays: its owner is another, or it is gone.
 pub(super) fn remove_all(directory: &Path, prefix: &str) -> io::Result<()> {
     for entry in fs::read_dir(directory)?.flatten() {
         if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {

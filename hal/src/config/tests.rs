@@ -1,9 +1,12 @@
+//! Every range and every unit of the tables, and what the description says of them.
+
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
+use super::rotation::shortest_rotation_from_z;
 use super::{
     CoilConfig, CoilTypeConfig, FrameConfig, HardwareConfig, MagnetConfig, ManipulatorConfig, MaterialConfig,
-    PartConfig, RigConfig, SectionConfig, StiffnessSectionConfig, shortest_rotation_from_z,
+    PartConfig, RigConfig, SectionConfig, StiffnessSectionConfig,
 };
 use crate::description::{PartDescription, Rows3, SectionDescription};
 

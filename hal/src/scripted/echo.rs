@@ -1,13 +1,15 @@
 //! An ideal rig: measured currents and angles equal the guard's set point, poses are what the test says.
 
+use crate::conformance::Stepped;
 use crate::description::HardwareDescription;
 use crate::gate::AdmittedCommand;
 use crate::guard::CommandGuard;
 use crate::hardware::{Hardware, Sensed, WriteError};
 use crate::message::{CoilFeedback, MAGNETS_MAX, MagnetPose, POSE_PARAMETERS_MAX, PoseMessage};
-use crate::receive::{FeedbackReceiver, PoseReceiver};
-use crate::send::{CommandWriter, HeaderWriter, count};
+use crate::send::count;
 use crate::time::Stamp;
+
+use super::loopback::Loopback;
 
 /// [`Hardware`] whose driver is a [`CommandGuard`] with ideal amplifiers, stepped by the stamps given to `read`.
 ///
@@ -19,14 +21,8 @@ pub struct EchoHardware {
     poses: [MagnetPose; MAGNETS_MAX],
     magnet_count: u32,
     fault: u32,
-    pose_header: HeaderWriter,
-    feedback_header: HeaderWriter,
-    injected_pose: Option<PoseMessage>,
-    injected_feedback: Option<CoilFeedback>,
     is_silent: bool,
-    pose: PoseReceiver,
-    feedback: FeedbackReceiver,
-    writer: CommandWriter,
+    loopback: Loopback,
 }
 
 impl EchoHardware {
@@ -41,14 +37,8 @@ impl EchoHardware {
             poses: [upright; MAGNETS_MAX],
             magnet_count: count(description.magnets().count(), MAGNETS_MAX),
             fault: 0,
-            pose_header: HeaderWriter::new(1),
-            feedback_header: HeaderWriter::new(1),
-            injected_pose: None,
-            injected_feedback: None,
             is_silent: false,
-            pose: PoseReceiver::new(description),
-            feedback: FeedbackReceiver::new(description),
-            writer: CommandWriter::new(description),
+            loopback: Loopback::new(description),
         }
     }
 
@@ -72,16 +62,6 @@ impl EchoHardware {
         self.is_silent = is_silent;
     }
 
-    /// The next read receives exactly these poses.
-    pub const fn inject_pose(&mut self, message: PoseMessage) {
-        self.injected_pose = Some(message);
-    }
-
-    /// The next read receives exactly this feedback.
-    pub const fn inject_feedback(&mut self, message: CoilFeedback) {
-        self.injected_feedback = Some(message);
-    }
-
     /// The driver's guard, with its counts.
     #[must_use]
     pub const fn guard(&self) -> &CommandGuard {
@@ -101,11 +81,11 @@ impl EchoHardware {
         let mut pose =
             PoseMessage { magnet_count: self.magnet_count, magnets: self.poses, ..PoseMessage::default() };
         pose.header.source_stamp_ns = now.nanoseconds();
-        self.pose_header.write(&mut pose.header, now);
+        self.loopback.send_pose(&mut pose.header, now);
         let mut feedback =
             CoilFeedback { fault: self.fault, measured: *setpoint.actuation(), ..CoilFeedback::default() };
         feedback.header.source_stamp_ns = now.nanoseconds();
-        self.feedback_header.write(&mut feedback.header, now);
+        self.loopback.send_feedback(&mut feedback.header, now);
         self.guard.report(&mut feedback);
         (Some(pose), Some(feedback))
     }
@@ -114,18 +94,23 @@ impl EchoHardware {
 impl Hardware for EchoHardware {
     fn read(&mut self, now: Stamp) -> Sensed {
         let (pose, feedback) = self.step(now);
-        let pose = self.injected_pose.take().or(pose);
-        let feedback = self.injected_feedback.take().or(feedback);
-        Sensed {
-            pose: self.pose.receive(pose.as_ref(), now),
-            feedback: self.feedback.receive(feedback.as_ref(), now),
-        }
+        self.loopback.sense(pose, feedback, now)
     }
 
     fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {
-        let message = self.writer.message(command, now);
+        let message = self.loopback.command(command, now);
         // A driver that refuses says so in its feedback alone, as a remote one would.
         let _ = self.guard.offer(&message, now);
         Ok(())
+    }
+}
+
+impl Stepped for EchoHardware {
+    fn inject_pose(&mut self, message: PoseMessage) {
+        self.loopback.inject_pose(message);
+    }
+
+    fn inject_feedback(&mut self, message: CoilFeedback) {
+        self.loopback.inject_feedback(message);
     }
 }

@@ -1,0 +1,193 @@
+//! The keys of the tables, with unit and range.
+//!
+//! Every key is required unless it is an `Option`: no default is hidden in code.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// The tables of the file that describe the rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HardwareConfig {
+    /// `[rig]`
+    pub rig: RigConfig,
+    /// `[[frames]]`
+    #[serde(default)]
+    pub frames: Vec<FrameConfig>,
+    /// `[coil_types.NAME]`
+    #[serde(default)]
+    pub coil_types: BTreeMap<String, CoilTypeConfig>,
+    /// `[[coils]]`
+    #[serde(default)]
+    pub coils: Vec<CoilConfig>,
+    /// `[manipulator]`
+    pub manipulator: ManipulatorConfig,
+}
+
+/// `[rig]`: name, workspace and gravity.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RigConfig {
+    /// Lower-case letters, digits and hyphens; part of every channel's name.
+    pub name: String,
+    /// Centre of the spherical workspace, mm, world.
+    pub workspace_center_mm: [f64; 3],
+    /// Diameter of the workspace, mm, > 0.
+    pub workspace_diameter_mm: f64,
+    /// Acceleration of gravity, m/s^2, world.
+    pub gravity_m_per_s2: [f64; 3],
+}
+
+/// One of `[[frames]]`: turns coils about an axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameConfig {
+    /// Name, as coils refer to it; unique.
+    pub name: String,
+    /// Axis, world; normalised here.
+    pub axis: [f64; 3],
+    /// A point on the axis, mm, world.
+    pub pivot_mm: [f64; 3],
+    /// Least angle, deg, -360 to 360.
+    pub angle_min_deg: f64,
+    /// Greatest angle, deg, above the least.
+    pub angle_max_deg: f64,
+    /// Greatest speed, deg/s, > 0.
+    pub speed_max_deg_per_s: f64,
+}
+
+/// One of `[coil_types.NAME]`: field and circuit of coils built alike.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoilTypeConfig {
+    /// `a_k` of eq. (4) for 1 A, k = 1 first, T m^(k+2) / A; 1 to 10 of them.
+    pub coefficients_si: Vec<f64>,
+    /// Least local x at which the series is valid, mm, > 0.
+    pub valid_from_x_mm: f64,
+    /// Greatest magnitude of the current, A, > 0.
+    pub current_max_a: f64,
+    /// Greatest rate of the commanded current, A/s, > 0.
+    pub slew_max_a_per_s: f64,
+    /// Resistance, ohm, > 0.
+    pub resistance_ohm: f64,
+    /// Inductance, H, > 0.
+    pub inductance_h: f64,
+    /// Supply voltage of the amplifier, V, > 0.
+    pub supply_v: f64,
+}
+
+/// One of `[[coils]]`: where a coil is. Its axis points from
+/// `R (-distance, 0, 0)` to the workspace centre, `R = rotz(azimuth) roty(elevation)`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CoilConfig {
+    /// Name, for people; unique.
+    pub name: String,
+    /// One of `coil_types`.
+    #[serde(rename = "type")]
+    pub coil_type: String,
+    /// Rotation about z, deg.
+    pub azimuth_deg: f64,
+    /// Rotation about y, applied first, deg.
+    pub elevation_deg: f64,
+    /// Expansion point to the workspace centre, mm, > 0.
+    pub distance_mm: f64,
+    /// One of `frames`; absent for a coil fixed to the world.
+    pub frame: Option<String>,
+}
+
+/// `[manipulator]`: the clamp and the chain of parts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManipulatorConfig {
+    /// Clamped end, mm, world.
+    pub base_position_mm: [f64; 3],
+    /// Tangent at the clamp, world; normalised here. The clamp's rotation is the shortest one that takes z there.
+    pub base_tangent: [f64; 3],
+    /// Rotation of the clamp about its tangent, deg.
+    pub base_roll_deg: f64,
+    /// `[manipulator.materials.NAME]`
+    #[serde(default)]
+    pub materials: BTreeMap<String, MaterialConfig>,
+    /// `[[manipulator.parts]]` from base to tip, each with either `section` or `magnet`.
+    pub parts: Vec<PartConfig>,
+}
+
+/// One of `[manipulator.materials.NAME]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialConfig {
+    /// Young's modulus, MPa, > 0.
+    pub young_modulus_mpa: f64,
+    /// Poisson's ratio, 0 to 0.5.
+    pub poisson_ratio: f64,
+    /// Density, kg/m^3, >= 0.
+    pub density_kg_per_m3: f64,
+}
+
+/// One of `[[manipulator.parts]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PartConfig {
+    /// A flexible section of a material.
+    Section(SectionConfig),
+    /// A flexible section given by its stiffness.
+    StiffnessSection(StiffnessSectionConfig),
+    /// A rigid magnet.
+    Magnet(MagnetConfig),
+}
+
+/// `section = {...}`: a round section of a material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SectionConfig {
+    /// One of `manipulator.materials`.
+    pub material: String,
+    /// Length, mm, > 0.
+    pub length_mm: f64,
+    /// Diameter, mm, > 0.
+    pub diameter_mm: f64,
+    /// True when the section may stretch and shear, false for a Kirchhoff rod.
+    pub extensible: bool,
+    /// Curvature about body x and y, and twist, of the unloaded section, 1/m; absent when straight.
+    pub precurvature_per_m: Option<[f64; 3]>,
+}
+
+/// `stiffness_section = {...}`: a section whose stiffness was measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StiffnessSectionConfig {
+    /// Length, mm, > 0.
+    pub length_mm: f64,
+    /// Diameter, mm, > 0.
+    pub diameter_mm: f64,
+    /// EI, N m^2, > 0.
+    pub bending_n_m2: f64,
+    /// GJ, N m^2, > 0.
+    pub torsion_n_m2: f64,
+    /// GA, N, > 0; given with `axial_n` or not at all (inextensible).
+    pub shear_n: Option<f64>,
+    /// EA, N, > 0.
+    pub axial_n: Option<f64>,
+    /// Mass per length, kg/m, >= 0.
+    pub mass_kg_per_m: f64,
+    /// As in `section`.
+    pub precurvature_per_m: Option<[f64; 3]>,
+}
+
+/// `magnet = {...}`: a rigid cylinder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MagnetConfig {
+    /// Name, as targets refer to it; unique.
+    pub name: String,
+    /// Length along the tangent, mm, > 0.
+    pub length_mm: f64,
+    /// Diameter, mm, > 0.
+    pub diameter_mm: f64,
+    /// Density, kg/m^3, >= 0.
+    pub density_kg_per_m3: f64,
+    /// Dipole moment in body axes, A m^2; body z is the tangent towards the tip.
+    pub moment_body_a_m2: [f64; 3],
+}

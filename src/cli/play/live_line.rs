@@ -1,0 +1,69 @@
+//! How a step goes, on one line that is drawn over and over.
+
+use std::io::{IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+use magsteer::daemon::target::angle_from_z_deg;
+use magsteer_hal::Stamp;
+use magsteer_hal::operator::StatusMessage;
+
+use crate::cli::output;
+
+/// A line on standard error that is drawn over and over on a terminal, and once elsewhere.
+pub(super) struct LiveLine {
+    is_terminal: bool,
+    drawn: Option<Instant>,
+    text: String,
+}
+
+impl LiveLine {
+    pub(super) fn new() -> Self {
+        Self { is_terminal: std::io::stderr().is_terminal(), drawn: None, text: String::new() }
+    }
+
+    pub(super) fn draw(&mut self, text: impl FnOnce() -> String, every: Duration) {
+        if self.drawn.is_some_and(|drawn| drawn.elapsed() < every) {
+            return;
+        }
+        self.drawn = Some(Instant::now());
+        self.text = text();
+        if self.is_terminal {
+            // Nothing can be done when standard error is closed.
+            let _ = write!(std::io::stderr(), "\r\x1b[2K{}", self.text);
+        }
+    }
+
+    pub(super) fn end(&mut self) {
+        if self.is_terminal {
+            // As above.
+            let _ = writeln!(std::io::stderr());
+        } else if !self.text.is_empty() {
+            output::note(&self.text);
+        }
+    }
+}
+
+/// The live line's text.
+pub(super) fn live(
+    label: &str,
+    begin: Stamp,
+    target: &[[f64; 3]],
+    status: &StatusMessage,
+    lateness_max_us: f64,
+) -> String {
+    let degrees = |directions: &[[f64; 3]]| -> String {
+        let shown = |direction| format!("{:6.1}", angle_from_z_deg(direction).unwrap_or(f64::NAN));
+        directions.iter().map(shown).collect()
+    };
+    let coils = (status.coil_count as usize).min(status.measured.current_a.len());
+    let currents: String =
+        status.measured.current_a[..coils].iter().map(|current| format!("{current:6.2}")).collect();
+    format!(
+        "{label} {:5.2} s  target{} deg  measured{} deg  currents{currents} A  loop {:.0} Hz  late {:.0} us, at most {lateness_max_us:.0} us",
+        Stamp::now().since(begin).as_secs_f64(),
+        degrees(target),
+        degrees(&status.measured_direction[..target.len()]),
+        status.rate_measured_hz,
+        status.lateness_us,
+    )
+}

@@ -1,0 +1,220 @@
+//! An operator's session: an experiment step by step.
+
+use std::time::Duration;
+
+use anyhow::anyhow;
+use magsteer::config::Experiment;
+use magsteer::control::Directions;
+use magsteer::daemon::step_response::{StepResponse, judge};
+use magsteer::daemon::{StopFlag, TimingSummary};
+use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
+use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verb};
+use magsteer_hal::{Actuation, Stamp};
+
+use super::live_line::{LiveLine, live};
+use super::watched::Watched;
+use crate::cli::exit::{Exit, Failure};
+use crate::cli::operator::ANSWER_WAIT;
+
+/// How often the channels are looked at.
+pub(super) const POLL: Duration = Duration::from_millis(5);
+/// How long the daemon may say nothing before it counts as gone.
+const SILENCE_MAX: Duration = Duration::from_secs(2);
+/// How often the live line is drawn anew.
+const REDRAW: Duration = Duration::from_millis(100);
+
+/// One status of the daemon, as far as pictures need it.
+#[cfg_attr(
+    not(all(feature = "figures", feature = "sim")),
+    expect(dead_code, reason = "pictures alone read all of it")
+)]
+pub struct Sample {
+    /// Time since the experiment began, s.
+    pub time_s: f64,
+    /// Targets.
+    pub target: Directions,
+    /// Measured tangents.
+    pub measured: Directions,
+    /// Predicted tangents.
+    pub predicted: Directions,
+    /// Measured currents and angles.
+    pub actuation: Actuation,
+}
+
+/// One step as it was played.
+#[cfg_attr(
+    not(all(feature = "figures", feature = "sim")),
+    expect(dead_code, reason = "pictures alone read all of it")
+)]
+pub struct PlayedStep {
+    /// How it went.
+    pub response: StepResponse,
+    /// Its targets.
+    pub target: Directions,
+    /// When it ended, s since the experiment began.
+    pub end_s: f64,
+}
+
+/// An experiment as it was played.
+#[cfg_attr(
+    not(all(feature = "figures", feature = "sim")),
+    expect(dead_code, reason = "pictures alone read all of it")
+)]
+pub struct Played {
+    /// Every step, in order.
+    pub steps: Vec<PlayedStep>,
+    /// Every status seen.
+    pub samples: Vec<Sample>,
+    /// True when steps were judged by the plant's true poses, false when by measured ones.
+    pub judged_by_truth: bool,
+    /// Timing of the daemon's loop so far; `None` when nothing was heard of it.
+    pub timing: Option<TimingSummary>,
+}
+
+impl Played {
+    /// True when every step settled.
+    pub fn all_settled(&self) -> bool {
+        self.steps.iter().all(|step| step.response.settled_s.is_some())
+    }
+}
+
+/// An operator's session with a daemon.
+pub struct Session {
+    pub(super) client: OperatorClient,
+    truth: Option<TruthObserver>,
+    begin: Stamp,
+    samples: Vec<Sample>,
+}
+
+impl Session {
+    /// Joins the channels, waiting up to `wait` for the daemon. With a simulated plant its true poses are watched too.
+    ///
+    /// # Errors
+    /// When there is no daemon.
+    pub fn open(endpoint: &Endpoint, wait: Duration) -> anyhow::Result<Self> {
+        let client =
+            OperatorClient::open(endpoint, wait).map_err(|error| Failure::with(Exit::Unavailable, error))?;
+        // A driver of real coils has no truth to offer.
+        let truth = TruthObserver::open(endpoint, Duration::ZERO).ok();
+        Ok(Self { client, truth, begin: Stamp::now(), samples: Vec::new() })
+    }
+
+    /// Plays every step of `experiment`; stops early when `stop` is set.
+    ///
+    /// # Errors
+    /// When a target is refused, or the daemon stops steering or falls silent.
+    pub fn play(
+        mut self,
+        experiment: &Experiment,
+        magnets: &[&str],
+        stop: &StopFlag,
+    ) -> anyhow::Result<Played> {
+        self.begin = Stamp::now();
+        let mut steps = Vec::new();
+        for (index, step) in experiment.steps.iter().enumerate() {
+            let target = experiment.directions(step, magnets);
+            let magnet_count = u32::try_from(magnets.len())?;
+            let request = OperatorRequest { verb: verb::SET_TARGET, magnet_count, direction: target };
+            self.send(request, "target")?;
+            let label = format!("step {}/{}", index + 1, experiment.steps.len());
+            let duration = Duration::from_secs_f64(step.duration_s);
+            let Some(response) = self.play_step(&label, &target[..magnets.len()], duration, stop)? else {
+                break;
+            };
+            let end_s = Stamp::now().since(self.begin).as_secs_f64();
+            steps.push(PlayedStep { response, target, end_s });
+        }
+        let timing = self.client.newest_status(Stamp::now()).map(|status| TimingSummary::of_status(&status));
+        Ok(Played { steps, samples: self.samples, judged_by_truth: self.truth.is_some(), timing })
+    }
+
+    /// Watches one step to its end; `None` when it was broken off.
+    fn play_step(
+        &mut self,
+        label: &str,
+        target: &[[f64; 3]],
+        duration: Duration,
+        stop: &StopFlag,
+    ) -> anyhow::Result<Option<StepResponse>> {
+        let mut line = LiveLine::new();
+        let begin = Stamp::now();
+        let mut watched = Watched::new(begin);
+        self.discard_truth();
+        while Stamp::now().since(begin) < duration {
+            if stop.requested().is_some() {
+                return Ok(None);
+            }
+            std::thread::sleep(POLL);
+            self.watch(&mut watched);
+            let Some(status) = watched.newest else {
+                if Stamp::now().since(begin) > SILENCE_MAX {
+                    return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
+                }
+                continue;
+            };
+            if !matches!(status.state, state::ACTIVE | state::HOLDING) {
+                line.end();
+                let why = anyhow!("the daemon stopped steering: it is {}", describe(&status));
+                return Err(Failure::with(Exit::No, why));
+            }
+            if Stamp::now().since(status.header.source_stamp()) > SILENCE_MAX {
+                return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
+            }
+            line.draw(|| live(label, begin, target, &status, watched.lateness_max_us), REDRAW);
+        }
+        let Some(end) = watched.newest else {
+            let why = anyhow!(
+                "nothing was heard of the daemon during {label}: is the step longer than its status period?"
+            );
+            return Err(Failure::with(Exit::Unavailable, why));
+        };
+        line.draw(|| live(label, begin, target, &end, watched.lateness_max_us), Duration::ZERO);
+        line.end();
+        Ok(Some(judge(target, &watched.observations)))
+    }
+
+    /// Takes over what arrived: statuses for pictures, and what the step is judged by.
+    fn watch(&mut self, watched: &mut Watched) {
+        let begin = self.begin;
+        let by_truth = self.truth.is_some();
+        let samples = &mut self.samples;
+        self.client.drain_status(Stamp::now(), |status| {
+            samples.push(Sample {
+                time_s: status.header.source_stamp().since(begin).as_secs_f64(),
+                target: status.target_direction,
+                measured: status.measured_direction,
+                predicted: status.predicted_direction,
+                actuation: status.measured,
+            });
+            watched.take(status, by_truth);
+        });
+        if let Some(truth) = &mut self.truth {
+            truth.drain(Stamp::now(), |pose| watched.take_truth(pose));
+        }
+    }
+
+    fn discard_truth(&mut self) {
+        if let Some(truth) = &mut self.truth {
+            truth.drain(Stamp::now(), |_| ());
+        }
+    }
+
+    pub(super) fn send(&mut self, request: OperatorRequest, name: &str) -> anyhow::Result<()> {
+        let answer = self
+            .client
+            .send(request, ANSWER_WAIT)
+            .map_err(|error| Failure::with(Exit::Unavailable, anyhow!("{name}: {error}")))?;
+        if answer.accepted == 1 {
+            return Ok(());
+        }
+        let (reason, state) = (cause::text(answer.cause), state::name(answer.state));
+        Err(Failure::with(Exit::No, anyhow!("{name} refused: {reason} (the daemon is {state})")))
+    }
+}
+
+/// State and cause of a daemon in words.
+pub(super) fn describe(status: &StatusMessage) -> String {
+    let name = state::name(status.state);
+    Cause::from_code(status.cause)
+        .map_or_else(|| name.to_owned(), |cause| format!("{name} ({})", cause.text()))
+}
