@@ -140,6 +140,27 @@ fn world() -> (PrivateRoot, Endpoint) {
     (root, endpoint)
 }
 
+/// A driver and a daemon that was armed at its start and let go.
+struct Steering {
+    _root: PrivateRoot,
+    endpoint: Endpoint,
+    driver: Driver,
+    daemon: Daemon,
+    operator: Operator,
+}
+
+impl Steering {
+    fn begin() -> Self {
+        let (root, endpoint) = world();
+        let driver = Driver::start(&endpoint, example_description());
+        let daemon = Daemon::start(&endpoint, true);
+        let mut operator = Operator::join(&endpoint);
+        operator.until(|status| status.state == state::ARMED);
+        operator.insist(verb::GO);
+        Self { _root: root, endpoint, driver, daemon, operator }
+    }
+}
+
 #[test]
 fn an_operator_arms_steers_sets_targets_and_stops() {
     let (_root, endpoint) = world();
@@ -172,12 +193,7 @@ fn an_operator_arms_steers_sets_targets_and_stops() {
 
 #[test]
 fn a_signal_while_steering_ramps_down_before_the_daemon_ends() {
-    let (_root, endpoint) = world();
-    let driver = Driver::start(&endpoint, example_description());
-    let daemon = Daemon::start(&endpoint, true);
-    let mut operator = Operator::join(&endpoint);
-    operator.until(|status| status.state == state::ARMED);
-    operator.insist(verb::GO);
+    let Steering { _root, driver, daemon, mut operator, .. } = Steering::begin();
     operator.until(|status| (status.measured.current_a[1] + 2.0).abs() < 1e-9);
     let report = daemon.end().expect("a clean end");
     assert_eq!((report.state.as_str(), report.cause_code), ("idle", Cause::Terminated.code()));
@@ -189,12 +205,7 @@ fn a_signal_while_steering_ramps_down_before_the_daemon_ends() {
 
 #[test]
 fn a_panic_in_the_loop_ends_with_an_error_and_coils_at_zero() {
-    let (_root, endpoint) = world();
-    let driver = Driver::start(&endpoint, example_description());
-    let daemon = Daemon::start(&endpoint, true);
-    let mut operator = Operator::join(&endpoint);
-    operator.until(|status| status.state == state::ARMED);
-    operator.insist(verb::GO);
+    let Steering { _root, driver, daemon, mut operator, .. } = Steering::begin();
     operator.until(|status| (status.measured.current_a[0] - 2.0).abs() < 1e-9);
     daemon.panics.store(true, Ordering::Relaxed);
     let result = daemon.thread.join().expect("the panic stays in the loop's thread");
@@ -209,12 +220,7 @@ fn a_panic_in_the_loop_ends_with_an_error_and_coils_at_zero() {
 
 #[test]
 fn a_driver_that_vanishes_trips_and_a_new_one_is_met_without_restarting_the_daemon() {
-    let (_root, endpoint) = world();
-    let driver = Driver::start(&endpoint, example_description());
-    let daemon = Daemon::start(&endpoint, true);
-    let mut operator = Operator::join(&endpoint);
-    operator.until(|status| status.state == state::ARMED);
-    operator.insist(verb::GO);
+    let Steering { _root, endpoint, driver, daemon, mut operator } = Steering::begin();
     operator.until(|status| status.state == state::ACTIVE);
     driver.end();
     operator.until(|status| status.state == state::FAULT);
