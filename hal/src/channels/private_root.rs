@@ -133,8 +133,9 @@ fn abandoned(root: &Path) -> Option<Vec<File>> {
 
 /// Removes a root and its segments, and no other root's. What cannot be removed is left: nobody could mend it here.
 fn remove(root: &Path) {
-    let _ = std::fs::remove_dir_all(root);
+    // Segments first: while the directory stands nobody can own a root of the same name, and so of the same prefix.
     let _ = remove_all(Path::new(SEGMENTS), &prefix(root));
+    let _ = std::fs::remove_dir_all(root);
 }
 
 #[cfg(test)]

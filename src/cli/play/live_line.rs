@@ -28,8 +28,10 @@ impl LiveLine {
         self.drawn = Some(Instant::now());
         self.text = text();
         if self.is_terminal {
+            // A line that wraps could not be drawn over.
+            let shown: String = self.text.chars().take(terminal_width().saturating_sub(1)).collect();
             // Nothing can be done when standard error is closed.
-            let _ = write!(std::io::stderr(), "\r\x1b[2K{}", self.text);
+            let _ = write!(std::io::stderr(), "\r\x1b[2K{shown}");
         }
     }
 
@@ -43,7 +45,13 @@ impl LiveLine {
     }
 }
 
-/// The live line's text.
+/// Columns of the terminal; 80 when it does not say.
+fn terminal_width() -> usize {
+    let size = rustix::termios::tcgetwinsize(std::io::stderr());
+    size.ok().map(|size| usize::from(size.ws_col)).filter(|columns| *columns > 0).unwrap_or(80)
+}
+
+/// The live line's text; what matters most stands first.
 pub(super) fn live(
     label: &str,
     begin: Stamp,
@@ -57,9 +65,9 @@ pub(super) fn live(
     };
     let coils = (status.coil_count as usize).min(status.measured.current_a.len());
     let currents: String =
-        status.measured.current_a[..coils].iter().map(|current| format!("{current:6.2}")).collect();
+        status.measured.current_a[..coils].iter().map(|current| format!("{current:5.1}")).collect();
     format!(
-        "{label} {:5.2} s  target{} deg  measured{} deg  currents{currents} A  loop {:.0} Hz  late {:.0} us, at most {lateness_max_us:.0} us",
+        "{label} {:4.1} s  target{}  measured{} deg  {:.0} Hz  late {:.0}, at most {lateness_max_us:.0} us  currents{currents} A",
         Stamp::now().since(begin).as_secs_f64(),
         degrees(target),
         degrees(&status.measured_direction[..target.len()]),
