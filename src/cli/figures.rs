@@ -120,7 +120,7 @@ pub fn angles_against_time(
         .with_cell_size(900.0, 260.0)
         .with_padding(30.0)
         .with_shared_legend_entries(legend.to_vec())
-        .with_shared_legend_position(FigureLegendPosition::TopCenter)
+        .with_shared_legend_position(FigureLegendPosition::BottomCenter)
         .with_keep_panel_legends();
     write(path, figure)
 }
@@ -170,7 +170,7 @@ pub fn side_views(path: &Path, views: &[SideView]) -> anyhow::Result<()> {
         .with_cell_size(330.0, height)
         .with_padding(30.0)
         .with_shared_legend_entries(legend)
-        .with_shared_legend_position(FigureLegendPosition::TopCenter);
+        .with_shared_legend_position(FigureLegendPosition::BottomCenter);
     write(path, figure)
 }
 
