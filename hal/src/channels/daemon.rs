@@ -76,14 +76,6 @@ pub struct DaemonEnd {
     _lock: RoleLock,
 }
 
-impl DaemonEnd {
-    /// How often the driver was followed by another life of it.
-    #[must_use]
-    pub const fn driver_restarts(&self) -> u64 {
-        self.feedback_receiver.restarts()
-    }
-}
-
 impl Hardware for DaemonEnd {
     fn read(&mut self, now: Stamp) -> Sensed {
         let pose = match self.pose.newest(now) {

@@ -79,10 +79,11 @@ fn sweep(directory: &Path, prefix: &str, age: Duration) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes every file in `directory` that starts with `prefix`. One that cannot be removed stays: its owner is another, or it is gone.
+/// Removes every file in `directory` that starts with `prefix`.
 pub(super) fn remove_all(directory: &Path, prefix: &str) -> io::Result<()> {
     for entry in fs::read_dir(directory)?.flatten() {
         if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
+            // One that cannot be removed stays: it is gone already, or somebody else's.
             let _ = fs::remove_file(entry.path());
         }
     }
