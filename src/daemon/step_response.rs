@@ -1,7 +1,7 @@
 //! Judges how a closed loop answered a step of its targets.
 //!
 //! Terms: a step has *settled* from the first moment after which every magnet stays within [`SETTLED_WITHIN`] of its
-//! target to the step's end. The error of a magnet is the angle between its tangent and its target; its signed error is the difference of their
+//! target to the step's end, and for [`SETTLED_FOR`] at least. The error of a magnet is the angle between its tangent and its target; its signed error is the difference of their
 //! angles from global z, as the paper's figures show it. Mean and RMS are taken over [`JUDGED_OVER`] at the step's end.
 
 use magsteer_hal::MAGNETS_MAX;
@@ -13,6 +13,8 @@ use crate::math::angle_between;
 
 /// Greatest error of a settled magnet, rad.
 pub const SETTLED_WITHIN: f64 = 1.0_f64.to_radians();
+/// Least time to stay settled, s: about a period of the manipulator's first mode, so that swinging through the target does not count.
+pub const SETTLED_FOR: f64 = 0.25;
 /// Time at the end of a step over which mean and RMS are taken, s.
 pub const JUDGED_OVER: f64 = 1.0;
 
@@ -54,8 +56,11 @@ pub fn judge(target: &[[f64; 3]], observations: &[Observation]) -> StepResponse 
     };
     let outside = observations.iter().rposition(|observation| !is_within(observation));
     let first_inside = outside.map_or(0, |index| index + 1);
-    let settled_s = observations.get(first_inside).map(|observation| observation.time);
     let end = observations.last().map_or(0.0, |observation| observation.time);
+    let settled_s = observations
+        .get(first_inside)
+        .map(|observation| observation.time)
+        .filter(|settled| end - settled >= SETTLED_FOR);
     let judged: Vec<&Observation> =
         observations.iter().filter(|observation| observation.time >= end - JUDGED_OVER).collect();
     let count = judged.len() as f64;
@@ -118,6 +123,13 @@ mod tests {
     #[test]
     fn late_excursion_is_not_settled() {
         let response = judge(&[tangent_at(90.0)], &observe(|time| if time > 3.98 { 92.0 } else { 90.0 }));
+        assert_eq!(response.settled_s, None);
+    }
+
+    /// Goal: a magnet that is only just passing its target when the step ends has not settled.
+    #[test]
+    fn passing_through_at_the_end_is_not_settled() {
+        let response = judge(&[tangent_at(90.0)], &observe(|time| 90.0 + 10.0 * (3.95 - time)));
         assert_eq!(response.settled_s, None);
     }
 
