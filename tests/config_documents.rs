@@ -183,3 +183,27 @@ fn mistyped_experiments_are_refused_alike() {
         assert!(problem.line >= 2 && problem.to_string().starts_with("steps.toml:"), "{problem:?}");
     }
 }
+
+/// Goal: a refused experiment is refused data, an unreadable one a missing input, for each command that plays one; nothing starts.
+#[test]
+fn refused_experiments_end_with_their_own_exit_codes() {
+    let folder = folder(&[("steps.toml", "description = \"no steps\"\n")]);
+    let code = |command: &[&str], name: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_magsteer"))
+            .args(command)
+            .arg(folder.path().join(name))
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert!(String::from_utf8_lossy(&output.stderr).contains(name), "{output:?}");
+        output.status.code().unwrap()
+    };
+    let mut commands = vec![&["target", "play"][..]];
+    if cfg!(feature = "sim") {
+        commands.push(&["demo", "--experiment"]);
+    }
+    for command in commands {
+        assert_eq!(code(command, "steps.toml"), 65);
+        assert_eq!(code(command, "absent.toml"), 66);
+    }
+}

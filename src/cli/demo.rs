@@ -74,8 +74,7 @@ impl Demo {
         let document = shipped::config(self.config.as_deref())?;
         let config = Config::from_document(&document)?;
         let magnets: Vec<&str> = config.description.magnets().map(|magnet| magnet.name.as_str()).collect();
-        let experiment =
-            Experiment::from_document(&shipped::experiment(self.experiment.as_deref())?, &magnets)?;
+        let experiment = shipped::experiment(self.experiment.as_deref(), &magnets).map_err(Failure::data)?;
         let folder = self.folder()?;
         let stop = Arc::new(StopFlag::new());
         let (played, daemon, plant) = watching(

@@ -76,6 +76,12 @@ impl Failure {
         Self { exit, source: source.into() }.into()
     }
 
+    /// Ends the command because a data file, not a configuration, is refused or cannot be read.
+    pub fn data(problems: Problems) -> anyhow::Error {
+        let exit = if problems.unreadable() { Exit::NoInput } else { Exit::Data };
+        Self::with(exit, problems)
+    }
+
     /// Ends the command because its arguments do not fit together.
     pub fn usage(message: impl Display) -> anyhow::Error {
         Self::with(Exit::Usage, anyhow::anyhow!("{message}"))

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+#[cfg(feature = "sim")]
+use magsteer::config::Experiment;
 use magsteer::config::{Document, Problems};
 
 /// The rig that is meant when none is named.
@@ -23,8 +25,8 @@ const EXPERIMENT_TEXT: &str = include_str!("../../config/experiments/planar.toml
 
 /// Reads the experiment named, else the default one, else the copy of it in this program.
 #[cfg(feature = "sim")]
-pub fn experiment(file: Option<&Path>) -> Result<Document, Problems> {
-    read(file, EXPERIMENT, EXPERIMENT_TEXT)
+pub fn experiment(file: Option<&Path>, magnets: &[&str]) -> Result<Experiment, Problems> {
+    Experiment::from_document(&read(file, EXPERIMENT, EXPERIMENT_TEXT)?, magnets)
 }
 
 fn read(file: Option<&Path>, default: &str, text: &str) -> Result<Document, Problems> {

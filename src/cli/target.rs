@@ -103,7 +103,7 @@ impl Play {
     fn run(&self) -> anyhow::Result<Exit> {
         let description = self.rig.load(None)?.description;
         let magnets: Vec<&str> = description.magnets().map(|magnet| magnet.name.as_str()).collect();
-        let experiment = Experiment::load(&self.experiment, &magnets)?;
+        let experiment = Experiment::load(&self.experiment, &magnets).map_err(Failure::data)?;
         let endpoint = self.rig.endpoint(None)?;
         let stop = Arc::new(StopFlag::new());
         let played = watching(
