@@ -12,19 +12,18 @@
 //! Conventions: SI units, radians and the world frame inside; configuration keys end in their unit.
 //! Everything random comes from one seed, so that a run can be repeated bit for bit.
 
-pub mod circuit;
+pub mod actuation;
 pub mod config;
 pub mod errors;
 pub mod field;
 #[cfg(test)]
 mod fixture;
-pub mod motor;
 pub mod plant;
 pub mod process;
 pub mod ramp;
 pub mod rig;
 pub mod rod;
-pub mod sensor;
+pub mod sensing;
 
 pub use config::PlantConfig;
 pub use plant::Plant;

@@ -12,17 +12,15 @@ use std::time::Duration;
 
 use magsteer_hal::message::driver_state;
 use magsteer_hal::{
-    Actuation, COILS_MAX, CoilCommand, CoilFeedback, CommandGuard, HardwareDescription, POSE_PARAMETERS_MAX,
-    PoseMessage, Refusal, Setpoint, Stamp,
+    Actuation, CoilCommand, CoilFeedback, CommandGuard, HardwareDescription, PoseMessage, Refusal, Stamp,
 };
 
-use crate::circuit::Amplifier;
+use crate::actuation::{ActuationSettings, Actuators};
 use crate::errors::ErrorMagnitudes;
 use crate::field::CoilArray;
-use crate::motor::Motor;
 use crate::ramp::{Ramp, RampWatch};
-use crate::rod::{Meshing, Pose, Rod, Stepping};
-use crate::sensor::{PoseSensor, SensorCharacter, message_of};
+use crate::rod::{Pose, Rod, RodSettings, Stepping};
+use crate::sensing::{PoseSensor, SensorCharacter, message_of};
 
 /// Everything that a plant is built from, validated.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,12 +29,10 @@ pub struct Settings {
     pub seed: u64,
     /// The fixed step.
     pub step: Duration,
-    /// How finely the rod is cut.
-    pub meshing: Meshing,
-    /// Damping ratio of the rod's first mode about rest.
-    pub first_mode_damping_ratio: f64,
-    /// Of the current controllers, rad/s.
-    pub amplifier_bandwidth: f64,
+    /// Mesh and damping of the rod.
+    pub rod: RodSettings,
+    /// Amplifiers and motors.
+    pub actuation: ActuationSettings,
     /// How far the true parameters are off.
     pub errors: ErrorMagnitudes,
     /// The sensor that is mounted.
@@ -73,9 +69,7 @@ pub struct Plant {
     now: Stamp,
     step: Duration,
     guard: CommandGuard,
-    amplifiers: Vec<Amplifier>,
-    motors: Vec<Motor>,
-    measured: Actuation,
+    actuators: Actuators,
     array: CoilArray,
     rod: Rod,
     sensor: PoseSensor,
@@ -91,15 +85,12 @@ impl Plant {
     pub fn new(description: &HardwareDescription, settings: &Settings) -> Result<Self, PlantError> {
         let step = settings.step.as_secs_f64();
         let parameters = settings.errors.apply(description, settings.seed);
-        let motors: Vec<_> = description.frames.iter().map(|frame| Motor::new(frame, step)).collect();
-        let mut measured = Actuation::default();
-        for (angle, motor) in measured.angle_rad.iter_mut().zip(&motors) {
-            *angle = motor.angle();
-        }
+        let actuators = Actuators::new(description, &settings.actuation, step);
+        let actual = actuators.actual();
         let mut array = CoilArray::new(description, &parameters.coil_gains);
-        array.actuate(&measured.current_a, &measured.angle_rad);
+        array.actuate(&actual.current_a, &actual.angle_rad);
         let undamped = Stepping { step, retardation: 0.0 };
-        let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.meshing, undamped);
+        let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);
         if rod.moving_mass() <= 0.0 {
             return Err(PlantError::Weightless);
         }
@@ -107,16 +98,13 @@ impl Plant {
             return Err(PlantError::NoRest);
         }
         let mode = rod.first_mode().ok_or(PlantError::NoRest)?;
-        let retardation = mode.retardation(settings.first_mode_damping_ratio);
+        let retardation = mode.retardation(settings.rod.first_mode_damping_ratio);
         rod.set_stepping(Stepping { step, retardation });
-        let amplifier = |coil| Amplifier::new(coil, settings.amplifier_bandwidth, step);
         Ok(Self {
             now: Stamp::default(),
             step: settings.step,
-            guard: CommandGuard::new(description, &measured.angle_rad),
-            amplifiers: description.coils.iter().map(amplifier).collect(),
-            motors,
-            measured,
+            guard: CommandGuard::new(description, &actual.angle_rad),
+            actuators,
             array,
             rod,
             sensor: PoseSensor::new(settings.sensor, settings.seed, Stamp::default()),
@@ -158,12 +146,13 @@ impl Plant {
     pub fn advance(&mut self) {
         self.now = self.now.after(self.step);
         let setpoint = self.guard.setpoint(self.now, self.step.as_secs_f64());
-        self.drive(&setpoint);
-        self.array.actuate(&self.measured.current_a, &self.measured.angle_rad);
+        self.actuators.follow(&setpoint);
+        let actual = self.actuators.actual();
+        self.array.actuate(&actual.current_a, &actual.angle_rad);
         let array = &self.array;
         let solve = self.rod.step(|point| array.at(point));
         self.count(solve.converged);
-        self.ramp.step(self.is_driven(), &self.measured.current_a, self.now);
+        self.ramp.step(self.is_driven(), &self.actuators.actual().current_a, self.now);
         if self.sensor.wants_exposure(self.now) {
             let rod = &self.rod;
             let poses = (0..rod.magnet_count()).map(|index| rod.magnet_pose(index));
@@ -186,7 +175,7 @@ impl Plant {
     /// Currents, angles and the guard's state at the plant's clock; the header has only the source stamp.
     #[must_use]
     pub fn feedback(&self) -> CoilFeedback {
-        let mut feedback = CoilFeedback { measured: self.measured, ..CoilFeedback::default() };
+        let mut feedback = CoilFeedback { measured: *self.actuators.actual(), ..CoilFeedback::default() };
         self.guard.report(&mut feedback);
         feedback.header.source_stamp_ns = self.now.nanoseconds();
         feedback
@@ -209,8 +198,8 @@ impl Plant {
 
     /// True currents and angles.
     #[must_use]
-    pub fn measured(&self) -> &Actuation {
-        &self.measured
+    pub fn actual(&self) -> &Actuation {
+        self.actuators.actual()
     }
 
     /// The guard, with its counts.
@@ -240,7 +229,7 @@ impl Plant {
     /// True when no coil carries a current worth speaking of ([`crate::ramp::CURRENT_ZERO`]).
     #[must_use]
     pub fn is_currentless(&self) -> bool {
-        crate::ramp::is_zero(&self.measured.current_a)
+        crate::ramp::is_zero(&self.actuators.actual().current_a)
     }
 
     /// Cuts the amplifiers.
@@ -256,31 +245,11 @@ impl Plant {
         self.rod.settle(|point| array.at(point))
     }
 
-    fn drive(&mut self, setpoint: &Setpoint) {
-        let wanted: &Actuation = setpoint.actuation();
-        let is_cut = matches!(setpoint, Setpoint::Disable(_));
-        let currents: &mut [f64; COILS_MAX] = &mut self.measured.current_a;
-        for ((amplifier, wanted), current) in self.amplifiers.iter_mut().zip(&wanted.current_a).zip(currents)
-        {
-            if is_cut {
-                amplifier.discharge();
-            } else {
-                amplifier.follow(*wanted);
-            }
-            *current = amplifier.current();
-        }
-        let angles: &mut [f64; POSE_PARAMETERS_MAX] = &mut self.measured.angle_rad;
-        for ((motor, wanted), angle) in self.motors.iter_mut().zip(&wanted.angle_rad).zip(angles) {
-            motor.follow(*wanted);
-            *angle = motor.angle();
-        }
-    }
-
     fn count(&mut self, is_solved: bool) {
         self.counts.steps += 1;
         self.counts.steps_unsolved += u64::from(!is_solved);
         self.counts.steps_outside_field_model += u64::from(!self.rod.field_was_valid());
-        for current in self.measured.current_a {
+        for current in self.actuators.actual().current_a {
             self.counts.current_max = self.counts.current_max.max(current.abs());
         }
     }

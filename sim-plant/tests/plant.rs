@@ -87,7 +87,7 @@ fn driven_plant_ends_where_statics_of_the_same_actuation_rests() {
     let mut session = Session::claimed(plant_with(&[]), &description);
     session.drive(&request(), 4000);
     let plant = session.rig.plant();
-    let measured = plant.measured();
+    let measured = plant.actual();
     for (measured, wanted) in measured.current_a.iter().zip(&request().current_a) {
         assert!((measured - wanted).abs() < 1e-9);
     }

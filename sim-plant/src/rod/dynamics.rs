@@ -63,6 +63,15 @@ pub struct Stepping {
     pub retardation: f64,
 }
 
+/// How a plant's rod is cut and damped.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RodSettings {
+    /// How finely it is cut.
+    pub meshing: Meshing,
+    /// Damping ratio of the first mode about rest.
+    pub first_mode_damping_ratio: f64,
+}
+
 /// How a step was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Solve {

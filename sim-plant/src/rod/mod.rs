@@ -35,5 +35,5 @@ mod motion;
 mod rotation;
 
 pub use chain::{Meshing, Pose};
-pub use dynamics::{Energy, Rod, Solve, Stepping};
+pub use dynamics::{Energy, Rod, RodSettings, Solve, Stepping};
 pub use modes::FirstMode;

@@ -1,0 +1,93 @@
+//! `[plant]`, with all tables below it.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use magsteer_hal::HardwareDescription;
+use magsteer_hal::invalid::{Checks, Invalid};
+use serde::{Deserialize, Serialize};
+
+use super::actuation::AmplifierConfig;
+use super::errors::ErrorsConfig;
+use super::real_time::RealTimeConfig;
+use super::rod::RodConfig;
+use super::sensing::SensorConfig;
+use crate::plant::{Plant, PlantError, Settings};
+
+/// `[plant]`: the simulated rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlantConfig {
+    /// Everything random comes from it: parameter errors, sensor noise, drop-outs.
+    pub seed: u64,
+    /// Fixed step of the simulation, us, 50 to 2000.
+    pub step_us: u64,
+    /// One of `sensors`: the one that is mounted.
+    pub sensor: String,
+    /// `[plant.rod]`
+    pub rod: RodConfig,
+    /// `[plant.amplifier]`
+    pub amplifier: AmplifierConfig,
+    /// `[plant.errors]`
+    pub errors: ErrorsConfig,
+    /// `[plant.sensors.NAME]`
+    pub sensors: BTreeMap<String, SensorConfig>,
+    /// `[plant.real_time]`
+    pub real_time: RealTimeConfig,
+}
+
+impl PlantConfig {
+    /// Validates every value and builds the plant at rest under gravity.
+    ///
+    /// # Errors
+    /// Every value out of its range, and a manipulator that has no mass to move or finds no rest.
+    pub fn build(&self, description: &HardwareDescription) -> Result<Plant, Vec<Invalid>> {
+        let mut checks = Checks::new();
+        self.check(description, &mut checks);
+        let sensor = self.sensors.get(&self.sensor).map(SensorConfig::character).unwrap_or_default();
+        let sensor = checks.into_result(sensor)?;
+        let settings = Settings {
+            seed: self.seed,
+            step: Duration::from_micros(self.step_us),
+            rod: self.rod.settings(),
+            actuation: self.amplifier.settings(),
+            errors: self.errors.magnitudes(),
+            sensor,
+        };
+        Plant::new(description, &settings).map_err(|error| {
+            let (value, expected) = match error {
+                PlantError::Weightless => {
+                    ("a manipulator of 0 kg", "given one with mass: a dynamic rod without any has no motion")
+                }
+                PlantError::NoRest => {
+                    ("a manipulator without rest", "given one that comes to rest under its own weight")
+                }
+            };
+            vec![Invalid {
+                key: "plant.rod".to_owned(),
+                value: value.to_owned(),
+                expected: expected.to_owned(),
+            }]
+        })
+    }
+
+    fn check(&self, description: &HardwareDescription, checks: &mut Checks) {
+        whole(checks, "plant.step_us", self.step_us, 50, 2000);
+        let names: Vec<&str> = self.sensors.keys().map(String::as_str).collect();
+        let expected = format!("the name of one of plant.sensors ({})", names.join(", "));
+        checks.require(self.sensors.contains_key(&self.sensor), "plant.sensor", &self.sensor, expected);
+        self.rod.check(description, checks);
+        self.amplifier.check(checks);
+        self.errors.check(checks);
+        for (name, sensor) in &self.sensors {
+            sensor.check(&format!("plant.sensors.{name}"), self.step_us, checks);
+        }
+        self.real_time.check(self.step_us, checks);
+    }
+}
+
+/// Refuses a whole number out of its range.
+pub(super) fn whole(checks: &mut Checks, key: &str, value: u64, least: u64, most: u64) {
+    let holds = (least..=most).contains(&value);
+    checks.require(holds, key, value, format!("a whole number from {least} to {most}"));
+}
