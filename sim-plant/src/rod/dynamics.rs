@@ -239,6 +239,16 @@ impl Rod {
         }
     }
 
+    /// Gives every body a spin about its tangent that grows with its distance along the unloaded rod from
+    /// the clamp, `tip_spin` (rad/s) at the last body: a turning blow for tests of free vibration.
+    pub fn strike_turning(&mut self, tip_spin: f64) {
+        let count = self.motions.len() as f64;
+        for (index, motion) in self.motions.iter_mut().enumerate() {
+            motion.spin.z += tip_spin * (index + 1) as f64 / count;
+            motion.expect_to_go_on(self.stepping.step);
+        }
+    }
+
     /// Advances by one step. `field` gives the field at a point (m, world).
     pub fn step(&mut self, field: impl Fn(&Vector3<f64>) -> Field) -> Solve {
         self.predict();
