@@ -64,6 +64,8 @@ impl Rig {
         plant.errors.modulus_relative = 0.0;
         plant.errors.moment_relative = 0.0;
         plant.errors.coil_gain_relative = 0.0;
+        // The controller's statics leave the magnets' forces on each other out.
+        plant.rod.magnet_interaction = false;
         let array = CoilArray::new(&config.description);
         Self { config, plant, array }
     }
