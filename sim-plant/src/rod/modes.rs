@@ -50,11 +50,20 @@ impl Rod {
         if self.moving_mass() <= 0.0 {
             return None;
         }
+        let (squared, shape) = self.lowest_mode(Share { material: 1.0, geometric: 1.0 })?;
+        self.fill_static_tangent(Share { material: 1.0, geometric: 0.0 });
+        let elastic = dot(&shape, &self.tangent.multiply(&shape));
+        (squared > 0.0 && squared.is_finite())
+            .then(|| FirstMode { angular_frequency: squared.sqrt(), elastic_share: elastic / squared })
+    }
+
+    /// `w1^2` and `y` of a tangent at rest.
+    fn lowest_mode(&mut self, share: Share) -> Option<(f64, Vec<Vector6<f64>>)> {
         let masses: Vec<_> = self.chain.bodies.iter().map(super::chain::Body::mass_diagonal).collect();
         let by_mass = |shape: &[Vector6<f64>]| -> Vec<Vector6<f64>> {
             shape.iter().zip(&masses).map(|(entry, mass)| entry.component_mul(mass)).collect()
         };
-        self.fill_static_tangent(Share { material: 1.0, geometric: 1.0 });
+        self.fill_static_tangent(share);
         if !self.tangent.factorise() {
             return None;
         }
@@ -66,22 +75,28 @@ impl Rod {
             let scale = 1.0 / dot(&next, &by_mass(&next)).sqrt();
             shape = next.into_iter().map(|entry| entry * scale).collect();
         }
-        let squared = dot(&shape, &self.tangent.multiply(&shape));
-        self.fill_static_tangent(Share { material: 1.0, geometric: 0.0 });
-        let elastic = dot(&shape, &self.tangent.multiply(&shape));
-        (squared > 0.0 && squared.is_finite())
-            .then(|| FirstMode { angular_frequency: squared.sqrt(), elastic_share: elastic / squared })
+        Some((dot(&shape, &self.tangent.multiply(&shape)), shape))
     }
 
     /// Lets the rod come to rest in a field that stays as it is, by strong damping, and returns whether
     /// it did. Only stable equilibria are found. The stepping is as before afterwards; the energy ledger starts anew.
     ///
-    /// The first mode is damped critically; faster ones creep with the time constant `2 / w1`.
+    /// The first mode of the elastic stiffness alone, which is stable whatever loads the rod on its way, is damped
+    /// critically; faster ones creep with the time constant `2 / w1`.
     pub fn settle(&mut self, field: impl Fn(&Vector3<f64>) -> Field) -> bool {
         let before = self.stepping();
         self.halt();
-        let Some(mode) = self.first_mode() else { return false };
+        if self.moving_mass() <= 0.0 {
+            return false;
+        }
+        let Some((squared, _)) = self.lowest_mode(Share { material: 1.0, geometric: 0.0 }) else {
+            return false;
+        };
+        let mode = FirstMode { angular_frequency: squared.sqrt(), elastic_share: 1.0 };
         let frequency = mode.angular_frequency;
+        if !(frequency > 0.0 && frequency.is_finite()) {
+            return false;
+        }
         self.set_stepping(Stepping { step: 0.1 / frequency, retardation: mode.retardation(1.0) });
         let mut rests = false;
         for _ in 0..SETTLE_STEPS_MAX {
