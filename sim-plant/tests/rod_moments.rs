@@ -170,7 +170,7 @@ fn aside(load: impl Fn(f64) -> (Rod, Vector3<f64>), share: f64) -> f64 {
 }
 
 /// A rod and the field about it, at a share of the critical load.
-type Load = Box<dyn Fn(f64) -> (Rod, Vector3<f64>)>;
+type Load<'a> = Box<dyn Fn(f64) -> (Rod, Vector3<f64>) + 'a>;
 
 #[test]
 fn straight_rod_gives_way_at_the_critical_loads() {
