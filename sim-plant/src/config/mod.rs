@@ -4,6 +4,7 @@
 //! tables stand under that name in the rig's file. A file a table.
 
 mod actuation;
+mod contact;
 mod errors;
 mod plant;
 mod real_time;
@@ -11,6 +12,7 @@ mod rod;
 mod sensing;
 
 pub use actuation::AmplifierConfig;
+pub use contact::{ContactConfig, PlaneConfig, SurfaceConfig, TubeConfig};
 pub use errors::ErrorsConfig;
 pub use plant::PlantConfig;
 pub use real_time::RealTimeConfig;

@@ -123,6 +123,7 @@ impl Rod {
             return false;
         }
         self.set_stepping(Stepping { step: 0.1 / frequency, retardation: mode.retardation(1.0) });
+        self.set_friction_off(true);
         let mut rests = false;
         for _ in 0..SETTLE_STEPS_MAX {
             let solve = self.step(&field);
@@ -132,6 +133,7 @@ impl Rod {
             }
         }
         self.halt();
+        self.set_friction_off(false);
         self.set_stepping(before);
         self.ledger = EnergyLedger::default();
         rests
