@@ -208,6 +208,11 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         self.supervisor.has_ended(now)
     }
 
+    /// The hardware, for code that looks at it in lockstep.
+    pub fn hardware(&self) -> &H {
+        &self.hardware
+    }
+
     /// The hardware, for code that steps it in lockstep.
     pub fn hardware_mut(&mut self) -> &mut H {
         &mut self.hardware
