@@ -12,7 +12,8 @@ use std::time::Duration;
 
 use magsteer_hal::message::driver_state;
 use magsteer_hal::{
-    Actuation, CoilCommand, CoilFeedback, CommandGuard, HardwareDescription, PoseMessage, Refusal, Stamp,
+    Actuation, CoilCommand, CoilFeedback, CommandGuard, HardwareDescription, PoseMessage, Refusal, Setpoint,
+    Stamp,
 };
 
 use crate::actuation::{ActuationSettings, Actuators, CoilCondition, Fault, FrameCondition, fault_code};
@@ -150,9 +151,15 @@ impl Plant {
 
     /// Advances everything by one fixed step.
     pub fn advance(&mut self) {
+        self.advance_through(|setpoint, _| *setpoint);
+    }
+
+    /// As [`Plant::advance`], with `alter` between the guard's set point of the new time and what amplifiers and motors
+    /// follow: where faults of actuators act.
+    pub fn advance_through(&mut self, alter: impl FnOnce(&Setpoint, Stamp) -> Setpoint) {
         self.now = self.now.after(self.step);
         let setpoint = self.guard.setpoint(self.now, self.step.as_secs_f64());
-        let found = self.actuators.follow(&setpoint);
+        let found = self.actuators.follow(&setpoint, &alter(&setpoint, self.now));
         if self.actuators.fault().is_some() {
             // As long as it stands: a claim meanwhile is granted nothing.
             self.guard.trip();

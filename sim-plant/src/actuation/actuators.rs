@@ -74,16 +74,19 @@ impl Actuators {
 
     /// Follows a set point for one step; the fault that the driver found in it. As long as
     /// [`Actuators::fault`] stands the caller is to cut the bridges.
-    pub fn follow(&mut self, setpoint: &Setpoint) -> Option<Fault> {
-        let wanted = setpoint.actuation();
-        let is_cut = matches!(setpoint, Setpoint::Disable(_));
-        self.coils.follow(&wanted.current_a, is_cut);
-        for (motor, wanted) in self.motors.iter_mut().zip(&wanted.angle_rad) {
-            motor.follow(*wanted);
+    ///
+    /// `asked` is what the guard asks for, against which the driver judges; amplifiers and motors obey
+    /// `obeyed`, which is another while a fault of the actuators is played.
+    pub fn follow(&mut self, asked: &Setpoint, obeyed: &Setpoint) -> Option<Fault> {
+        let is_cut = matches!(obeyed, Setpoint::Disable(_));
+        let set = obeyed.actuation();
+        self.coils.follow(&set.current_a, is_cut);
+        for (motor, set) in self.motors.iter_mut().zip(&set.angle_rad) {
+            motor.follow(*set);
         }
         self.take_note();
         self.watch.judge(&Seen {
-            wanted,
+            wanted: asked.actuation(),
             measured: &self.measured,
             counts: (self.coils.count(), self.motors.len()),
             hottest: self.hottest(),
