@@ -119,6 +119,8 @@ impl CampaignConfig {
             checks.require(draw.key != SEED_KEY, &key, &draw.key, expected);
             let is_first = self.draw[..index].iter().all(|other| other.key != draw.key);
             checks.require(is_first, &key, &draw.key, "drawn once, not twice");
+            // Of a key that is refused it does not matter how its number is written.
+            let number = number.filter(|_| is_first && draw.key != SEED_KEY);
             draw.check(&path, number, &mut checks);
         }
         checks.into_result(()).err().unwrap_or_default()
