@@ -1,4 +1,5 @@
-//! What a campaign draws: values follow their distributions, from seeds that follow from the campaign's; distributions without sense are refused.
+//! What a campaign draws: values follow their distributions, from seeds that follow from the campaign's;
+//! distributions without sense are refused.
 
 use magsteer::config::{CampaignConfig, Document, Number, run_seed};
 
@@ -53,8 +54,8 @@ fn sample(text: &str, index: usize) -> Vec<f64> {
     sample
 }
 
-/// Greatest distance of the sample's distribution from `below`, the probability of a smaller value; in units of 1 / sqrt(n) a true one exceeds 1.95
-/// once in a thousand times (Kolmogorov, Smirnov).
+/// Greatest distance of the sample's distribution from `below`, the probability of a smaller value; in units
+/// of 1 / sqrt(n) a true one exceeds 1.95 once in a thousand times (Kolmogorov, Smirnov).
 fn distance(sorted: &[f64], below: impl Fn(f64) -> f64) -> f64 {
     let count = sorted.len() as f64;
     let gap = |(index, value): (usize, &f64)| {
@@ -90,7 +91,8 @@ fn uniform_values_are_uniform() {
     assert!(distance < 1.95, "{distance}");
 }
 
-/// Goal: both ways of drawing a truncated normal distribution, for a wide and for a narrow range, give that distribution.
+/// Goal: both ways of drawing a truncated normal distribution, for a wide and for a narrow range, give that
+/// distribution.
 #[test]
 fn truncated_normal_values_follow_their_density() {
     for (index, [mean, deviation, low, high]) in
@@ -131,7 +133,8 @@ fn whole_numbers_are_drawn_whole() {
     ));
 }
 
-/// Goal: the rule of seeds as it is documented, so that a recorded campaign can be replayed by later versions.
+/// Goal: the rule of seeds as it is documented, so that a recorded campaign can be replayed by later
+/// versions.
 #[test]
 fn seeds_follow_the_stated_rule() {
     let scramble = |number: u64| {
@@ -153,7 +156,8 @@ fn seeds_follow_the_stated_rule() {
     assert_eq!(run_seed(1, 0), 6_915_206_964_022_700_985);
 }
 
-/// Goal: a further entry changes no other value, and values of two keys of one run have nothing to do with each other.
+/// Goal: a further entry changes no other value, and values of two keys of one run have nothing to do with
+/// each other.
 #[test]
 fn draws_of_different_keys_are_independent() {
     let document = document(RIGHT);

@@ -201,7 +201,8 @@ pub struct Scatter {
 pub fn spread(path: &Path, spread: &Spread) -> anyhow::Result<()> {
     let mut sorted = spread.values.clone();
     sorted.sort_by(f64::total_cmp);
-    // From zero, so that two samples can be compared at a glance; a sample of zeros would have bins of no width.
+    // From zero, so that two samples can be compared at a glance; a sample of zeros would have bins of no
+    // width.
     let range = (0.0, 1.04 * sorted.last().copied().unwrap_or(1.0).max(1e-6));
     let bins = (2.0 * (sorted.len() as f64).sqrt()).ceil().clamp(10.0, 40.0) as usize;
     let width = (range.1 - range.0) / bins as f64;
@@ -240,7 +241,8 @@ pub fn spread(path: &Path, spread: &Spread) -> anyhow::Result<()> {
     write(path, figure)
 }
 
-/// Draws one panel a parameter, the measure upwards; members without a measure stand in a row above the others.
+/// Draws one panel a parameter, the measure upwards; members without a measure stand in a row above the
+/// others.
 ///
 /// # Errors
 /// When the picture cannot be rendered or written.

@@ -1,12 +1,15 @@
-//! The daemon's loop in lockstep: plays an experiment under stepped time, as fast as the machine allows and the same every time.
+//! The daemon's loop in lockstep: plays an experiment under stepped time, as fast as the machine allows and
+//! the same every time.
 //!
-//! Terms: the *truth* is what the hardware knows of the magnets and no message tells; a *watcher* is called after every cycle and may break off.
+//! Terms: the *truth* is what the hardware knows of the magnets and no message tells; a *watcher* is called
+//! after every cycle and may break off.
 //!
-//! Method: each cycle runs at a tick of the nominal grid, never late. An experiment waits until the driver was heard, arms, goes, then sets one
-//! target after another and judges every step by the truth. A loop that stops steering by itself plays the step out, so that its ramp to zero is seen,
-//! and nothing after it.
+//! Method: each cycle runs at a tick of the nominal grid, never late. An experiment waits until the driver
+//! was heard, arms, goes, then sets one target after another and judges every step by the truth. A loop that
+//! stops steering by itself plays the step out, so that its ramp to zero is seen, and nothing after it.
 //!
-//! What is absent: a clock, and any name of a plant: whatever implements [`Hardware`] and advances by the stamps that it is given will do.
+//! What is absent: a clock, and any name of a plant: whatever implements [`Hardware`] and advances by the
+//! stamps that it is given will do.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -157,7 +160,8 @@ impl<H: Hardware, S: Step> Lockstep<H, S> {
         self.control_loop.request(Request { id: self.requests, verb })
     }
 
-    /// Arms, goes, and steers through `steps`, each judged by `truth`. Time before it, and other experiments, are the caller's.
+    /// Arms, goes, and steers through `steps`, each judged by `truth`. Time before it, and other experiments,
+    /// are the caller's.
     pub fn play(
         &mut self,
         steps: &[TimedTarget],
@@ -282,7 +286,8 @@ mod tests {
         vec![TimedTarget { directions: [UP; MAGNETS_MAX], duration: 0.3 }; count]
     }
 
-    /// Goal: the watcher sees every cycle, those before the first step among them, and steps are judged by the truth.
+    /// Goal: the watcher sees every cycle, those before the first step among them, and steps are judged by
+    /// the truth.
     #[test]
     fn an_experiment_is_armed_played_and_judged_by_the_truth() {
         let mut lockstep = lockstep(u32::MAX);
@@ -300,7 +305,8 @@ mod tests {
         }
     }
 
-    /// Goal: a loop that trips in the second of three steps plays that step out and ends there, with its cause.
+    /// Goal: a loop that trips in the second of three steps plays that step out and ends there, with its
+    /// cause.
     #[test]
     fn a_loop_that_stops_by_itself_plays_the_step_out() {
         let mut lockstep = lockstep(100 + 300 + 50);

@@ -1,4 +1,5 @@
-//! The pictures of a campaign: how fast and how exactly runs settled, and how that hangs together with what was drawn.
+//! The pictures of a campaign: how fast and how exactly runs settled, and how that hangs together with what
+//! was drawn.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
