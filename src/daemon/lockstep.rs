@@ -252,9 +252,9 @@ mod tests {
     use magsteer_hal::scripted::{EchoHardware, example_description};
     use magsteer_hal::{Actuation, MagnetPose};
 
-    use super::super::config::tests::shipped;
     use super::*;
     use crate::control::{CycleInput, CycleOutcome};
+    use crate::daemon::config::tests::shipped;
 
     const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
