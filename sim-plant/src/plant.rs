@@ -17,7 +17,7 @@ use magsteer_hal::{
 
 use crate::actuation::{ActuationSettings, Actuators};
 use crate::errors::ErrorMagnitudes;
-use crate::field::CoilArray;
+use crate::field::{CoilArray, CoilTruth};
 use crate::ramp::{Ramp, RampWatch};
 use crate::rod::{Pose, Rod, RodSettings, Stepping};
 use crate::sensing::{PoseSensor, SensorCharacter, message_of};
@@ -33,6 +33,8 @@ pub struct Settings {
     pub rod: RodSettings,
     /// Amplifiers and motors.
     pub actuation: ActuationSettings,
+    /// What each coil is in truth, in the order of the description.
+    pub coil_truths: Vec<CoilTruth>,
     /// How far the true parameters are off.
     pub errors: ErrorMagnitudes,
     /// The sensor that is mounted.
@@ -87,7 +89,7 @@ impl Plant {
         let parameters = settings.errors.apply(description, settings.seed);
         let actuators = Actuators::new(description, &settings.actuation, step);
         let actual = actuators.actual();
-        let mut array = CoilArray::new(description, &parameters.coil_gains);
+        let mut array = CoilArray::new(description, &settings.coil_truths, &parameters.coils);
         array.actuate(&actual.current_a, &actual.angle_rad);
         let undamped = Stepping { step, retardation: 0.0 };
         let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);

@@ -5,6 +5,7 @@
 
 mod actuation;
 mod errors;
+mod field;
 mod plant;
 mod real_time;
 mod rod;
@@ -12,6 +13,7 @@ mod sensing;
 
 pub use actuation::AmplifierConfig;
 pub use errors::ErrorsConfig;
+pub use field::{CoilTruthConfig, MultipoleConfig, SaturationConfig, WindingConfig};
 pub use plant::PlantConfig;
 pub use real_time::RealTimeConfig;
 pub use rod::RodConfig;

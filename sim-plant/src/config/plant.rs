@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::actuation::AmplifierConfig;
 use super::errors::ErrorsConfig;
+use super::field::{self, CoilTruthConfig};
 use super::real_time::RealTimeConfig;
 use super::rod::RodConfig;
 use super::sensing::SensorConfig;
@@ -28,6 +29,8 @@ pub struct PlantConfig {
     pub rod: RodConfig,
     /// `[plant.amplifier]`
     pub amplifier: AmplifierConfig,
+    /// `[plant.field.TYPE]`, TYPE one of `[coil_types]`
+    pub field: BTreeMap<String, CoilTruthConfig>,
     /// `[plant.errors]`
     pub errors: ErrorsConfig,
     /// `[plant.sensors.NAME]`
@@ -44,6 +47,7 @@ impl PlantConfig {
     pub fn build(&self, description: &HardwareDescription) -> Result<Plant, Vec<Invalid>> {
         let mut checks = Checks::new();
         self.check(description, &mut checks);
+        let coil_truths = field::truths(&self.field, description, &mut checks);
         let sensor = self.sensors.get(&self.sensor).map(SensorConfig::character).unwrap_or_default();
         let sensor = checks.into_result(sensor)?;
         let settings = Settings {
@@ -51,6 +55,7 @@ impl PlantConfig {
             step: Duration::from_micros(self.step_us),
             rod: self.rod.settings(),
             actuation: self.amplifier.settings(),
+            coil_truths,
             errors: self.errors.magnitudes(),
             sensor,
         };
