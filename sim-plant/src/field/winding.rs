@@ -32,7 +32,7 @@ use super::elliptic::{Complete, cel};
 use super::quadrature::gauss_legendre;
 use super::sample::MU0;
 
-/// Nodes over the thickness. The shipped winding needs 8 for 1e-12 from 43 mm on; 16 hold 1e-9 from 5 mm on.
+/// Nodes over the thickness: errors below 1e-9 from half a thickness away from the winding on, and below 1e-13 from one on.
 const SHEETS: usize = 16;
 /// Nodes over thickness and length of each winding of a mutual inductance.
 const NODES_OF_INDUCTANCE: usize = 8;
@@ -181,3 +181,6 @@ pub fn mutual_inductance(first: &Winding, second: &Winding, gap: f64) -> f64 {
         })
         .sum()
 }
+
+#[cfg(test)]
+mod tests;
