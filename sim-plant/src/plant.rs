@@ -18,7 +18,7 @@ use magsteer_hal::{
 
 use crate::actuation::{ActuationSettings, Actuators, CoilCondition, Fault, FrameCondition, fault_code};
 use crate::errors::ErrorMagnitudes;
-use crate::field::CoilArray;
+use crate::field::{CoilArray, CoilTruth};
 use crate::ramp::{Ramp, RampWatch};
 use crate::rod::{Pose, Rod, RodSettings, Stepping};
 use crate::sensing::{PoseSensor, SensorCharacter, message_of};
@@ -34,6 +34,8 @@ pub struct Settings {
     pub rod: RodSettings,
     /// Amplifiers and motors.
     pub actuation: ActuationSettings,
+    /// What each coil is in truth, in the order of the description.
+    pub coil_truths: Vec<CoilTruth>,
     /// How far the true parameters are off.
     pub errors: ErrorMagnitudes,
     /// The sensor that is mounted.
@@ -94,7 +96,7 @@ impl Plant {
         let parameters = settings.errors.apply(description, settings.seed);
         let actuators = Actuators::new(description, &settings.actuation, step, settings.seed);
         let actual = actuators.actual();
-        let mut array = CoilArray::new(description, &parameters.coil_gains);
+        let mut array = CoilArray::new(description, &settings.coil_truths, &parameters.coils);
         array.actuate(actuators.field_currents(), &actual.angle_rad);
         let undamped = Stepping { step, retardation: 0.0 };
         let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);
