@@ -71,6 +71,8 @@ impl Rig {
         for truth in plant.field.values_mut() {
             *truth = CoilTruthConfig::Multipole(MultipoleConfig { saturation: SaturationConfig::None });
         }
+        // The controller's statics leave the magnets' forces on each other out.
+        plant.rod.magnet_interaction = false;
         let array = CoilArray::new(&config.description);
         Self { config, plant, array }
     }

@@ -100,6 +100,7 @@ impl Plant {
         array.actuate(actuators.field_currents(), &actual.angle_rad);
         let undamped = Stepping { step, retardation: 0.0 };
         let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);
+        rod.set_magnet_interaction(settings.rod.magnet_interaction);
         if rod.moving_mass() <= 0.0 {
             return Err(PlantError::Weightless);
         }
