@@ -6,8 +6,9 @@ use std::time::Duration;
 use magsteer::config::{Config, Document, Experiment};
 use magsteer::control::{Cycle, Directions};
 use magsteer::daemon::step_response::{Observation, StepResponse, judge};
-use magsteer::daemon::{ControlLoop, CycleRecord, LoopOptions, Request, Tick, Verb};
+use magsteer::daemon::{ControlLoop, CycleRecord, LoopOptions, Request, State, Tick, Verb};
 use magsteer_hal::Stamp;
+use magsteer_hal::fault::{FaultPlanConfig, Injector, Reach};
 use magsteer_sim_plant::{PlantConfig, SimulatedRig};
 
 /// A configuration of the rig and its plant.
@@ -46,6 +47,11 @@ pub struct Bench {
 
 impl Bench {
     pub fn new(setup: &Setup) -> Self {
+        Self::with_faults(setup, None)
+    }
+
+    /// With a fault plan as its file has it; times count from the first cycle.
+    pub fn with_faults(setup: &Setup, plan: Option<&str>) -> Self {
         let config = setup.config.clone();
         let rig = &config.description;
         let plant = setup.plant.build(rig).expect("shipped");
@@ -53,7 +59,14 @@ impl Bench {
         let control = config.control.clone().expect("has a controller");
         let daemon = config.daemon.clone().expect("has a daemon");
         let cycle = Cycle::new(&control, rig, manipulator);
-        let hardware = SimulatedRig::new(plant, rig);
+        let mut hardware = SimulatedRig::new(plant, rig);
+        if let Some(plan) = plan {
+            let document =
+                Document::from_text("plan.toml", plan).unwrap_or_else(|problems| panic!("{problems}"));
+            let plan: FaultPlanConfig = document.read().unwrap_or_else(|problems| panic!("{problems}"));
+            let plan = plan.build(rig, Reach::Plant).unwrap_or_else(|refused| panic!("{refused:?}"));
+            hardware.allow_faults(Injector::new(rig, &plan, setup.plant.seed));
+        }
         let control_loop = ControlLoop::new(hardware, cycle, rig, &daemon, LoopOptions::default());
         // Any moment but zero, which the transport takes for "no stamp".
         let tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
@@ -80,6 +93,21 @@ impl Bench {
     pub fn request(&mut self, verb: Verb) {
         self.requests += 1;
         self.control_loop.request(Request { id: self.requests, verb }).expect("one request a cycle");
+    }
+
+    /// The rig, for its truth, its counts and its faults.
+    pub fn rig(&mut self) -> &mut SimulatedRig {
+        self.control_loop.hardware_mut()
+    }
+
+    /// Present state of the daemon.
+    pub fn state(&self) -> &State {
+        self.control_loop.state()
+    }
+
+    /// Time of the next cycle.
+    pub fn now(&self) -> Stamp {
+        self.tick.now
     }
 
     /// Commands that broke a limit, as the plant counts them.
