@@ -64,8 +64,8 @@ pub struct Counts {
     pub steps_outside_field_model: u64,
     /// Largest magnitude of any coil's current, A.
     pub current_max: f64,
-    /// Highest temperature of any coil, K; 0 on a rig without any.
-    pub coil_temperature_max: f64,
+    /// Highest temperature of any coil, K; `None` before the first step and on a rig without any.
+    pub coil_temperature_max: Option<f64>,
     /// Faults that the driver found with its own hardware.
     pub driver_faults: u64,
     /// The last of them.
@@ -293,8 +293,10 @@ impl Plant {
         for current in self.actuators.actual().current_a {
             self.counts.current_max = self.counts.current_max.max(current.abs());
         }
-        let hottest = self.actuators.hottest().map_or(0.0, |(_, temperature)| temperature);
-        self.counts.coil_temperature_max = self.counts.coil_temperature_max.max(hottest);
+        if let Some((_, hottest)) = self.actuators.hottest() {
+            let most = self.counts.coil_temperature_max.unwrap_or(hottest);
+            self.counts.coil_temperature_max = Some(most.max(hottest));
+        }
         self.counts.driver_faults += u64::from(found.is_some());
         self.counts.last_driver_fault = found.or(self.counts.last_driver_fault);
     }
