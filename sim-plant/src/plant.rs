@@ -162,7 +162,7 @@ impl Plant {
     pub fn advance_through(&mut self, alter: impl FnOnce(&Setpoint, Stamp) -> Setpoint) {
         self.now = self.now.after(self.step);
         let setpoint = self.guard.setpoint(self.now, self.step.as_secs_f64());
-        let found = self.actuators.follow(&setpoint, &alter(&setpoint, self.now));
+        let found = self.actuators.obey(&alter(&setpoint, self.now), &setpoint);
         if self.actuators.fault().is_some() {
             // As long as it stands: a claim meanwhile is granted nothing.
             self.guard.trip();
