@@ -13,7 +13,7 @@ mod sensing;
 
 pub use actuation::AmplifierConfig;
 pub use errors::ErrorsConfig;
-pub use field::{CoilTruthConfig, MultipoleConfig, SaturationConfig, WindingConfig};
+pub use field::{CoilTruthConfig, CoreConfig, WindingConfig};
 pub use plant::PlantConfig;
 pub use real_time::RealTimeConfig;
 pub use rod::RodConfig;
