@@ -94,7 +94,7 @@ pub fn plant_tables() -> Value {
             "air": {"winding": {
                 "inner_radius_mm": 45.0, "outer_radius_mm": 63.0, "length_mm": 43.0, "turns": 642.0
             }},
-            "iron": {"multipole": {"saturation": {"knee_a": 12.5}}}
+            "iron": {"core": {"saturation_knee_a": 12.5}}
         },
         "errors": {
             "modulus_relative": 0.0, "moment_relative": 0.0, "coil_gain_relative": 0.0,

@@ -19,7 +19,7 @@ pub use amplifier::AmplifierConfig;
 pub use coupling::CouplingConfig;
 pub use driver::DriverConfig;
 pub use errors::ErrorsConfig;
-pub use field::{CoilTruthConfig, MultipoleConfig, SaturationConfig, WindingShapeConfig};
+pub use field::{CoilTruthConfig, CoreConfig, WindingShapeConfig};
 pub use motor::MotorConfig;
 pub use plant::PlantConfig;
 pub use real_time::RealTimeConfig;

@@ -1,15 +1,17 @@
 //! Field of the coil array and its wrench on the magnets.
 //!
-//! Each coil is the same all round its axis, so that it is known by where it stands, where it points and what it carries. Gain,
-//! tilt and offset of a coil are those that the plant has and the description does not:
+//! Each coil is the same all round its axis, so that it is known by where it stands, where it points and what
+//! it carries. Gain, tilt and offset of a coil are those that the plant has and the description does not:
 //!
 //! `position = p_0 + R_0 o`, `axis = R_0 exp(tilt) e_x`, `field = gain f(i) field_1`             (F15)
 //!
-//! with `p_0`, `R_0` from the description, turned with the frame, and the field of one ampere of its [`Source`].
+//! with `p_0`, `R_0` from the description, turned with the frame, and the field of one ampere of its
+//! [`Source`].
 //!
-//! The description's series holds only outside of its source: each coil has a least local x. A sample taken nearer says so, and is
-//! that of the nearest point at the least x: wrenches stay bounded where the series would turn over and grow without limit. The same
-//! boundary holds for windings, so that truth and series are bounded alike.
+//! The description's series holds only outside of its source: each coil has a least local x. A sample taken
+//! nearer says so, and is that of the nearest point at the least x: wrenches stay bounded where the series
+//! would turn over and grow without limit. The same boundary holds for windings, so that truth and series are
+//! bounded alike.
 
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::description::{CoilDescription, FrameDescription};
@@ -50,7 +52,8 @@ pub struct CoilArray {
 }
 
 impl CoilArray {
-    /// All coils of the description at zero current and zero angle. `truths` and `errors` have an entry for each coil, in order.
+    /// All coils of the description at zero current and zero angle. `truths` and `errors` have an entry for
+    /// each coil, in order.
     #[must_use]
     pub fn new(description: &HardwareDescription, truths: &[CoilTruth], errors: &[CoilError]) -> Self {
         let coils = description.coils.iter().zip(truths).zip(errors);
@@ -124,8 +127,8 @@ impl Coil {
     }
 }
 
-/// Where in a coil's half plane the workspace lies, as described and at frame angle zero: errors do not change it, so that coils
-/// built alike and placed alike share their table.
+/// Where in a coil's half plane the workspace lies, as described and at frame angle zero: errors do not
+/// change it, so that coils built alike and placed alike share their table.
 fn domain(description: &HardwareDescription, coil: &CoilDescription) -> Domain {
     let center = Vector3::from(description.workspace.center) - Vector3::from(coil.position);
     let axis = Vector3::from(coil.rotation.map(|row| row[0]));
@@ -154,7 +157,8 @@ mod tests {
         CoilArray::new(description, &SERIES, &AS_DESCRIBED)
     }
 
-    /// The field of coil `index` at 1 A at a point of the coil's own frame, by an array of which it is the only coil.
+    /// The field of coil `index` at 1 A at a point of the coil's own frame, by an array of which it is the
+    /// only coil.
     fn in_own_frame(index: usize, point: Vector3<f64>) -> Field {
         let mut description = fixture::bigmag();
         let mut coil = description.coils.swap_remove(index);
@@ -274,7 +278,8 @@ mod tests {
         assert_eq!(off.at(&point), exact.at(&point));
     }
 
-    /// Goal: a coil shifted and tilted in its own frame makes the field that the same coil makes when it is described there.
+    /// Goal: a coil shifted and tilted in its own frame makes the field that the same coil makes when it is
+    /// described there.
     #[test]
     fn a_tilted_and_shifted_coil_is_the_coil_described_at_that_place() {
         let mut description = fixture::bigmag();
@@ -322,5 +327,9 @@ mod tests {
         assert!((found.flux.z / (8.0 * winding.at(0.0855, 0.0).along) - 1.0).abs() < 1e-6);
         assert!((found.flux - expected.flux).norm() < 0.01 * expected.flux.norm());
         assert_ne!(found.flux, expected.flux);
+        // Nearer than the series holds, the winding is asked at the boundary too, and says so.
+        let (inside, boundary) = (vector(0.0, 0.0, -0.08), vector(0.0, 0.0, -0.0855 + 0.043));
+        let (inside, boundary) = (truth.at(&inside), truth.at(&boundary));
+        assert!(!inside.valid && (inside.flux - boundary.flux).norm() < 1e-12 * boundary.flux.norm());
     }
 }
