@@ -51,7 +51,7 @@ fn vessel(surface: Surface) -> Contact {
 
 /// Drives the rod by all coils for some seconds; returns the greatest depth, m, and the greatest force of the wall, N.
 fn drive(rod: &mut Rod, amplitude: f64, seconds: f64) -> (f64, f64) {
-    let mut array = CoilArray::new(&fixture::bigmag(), &[]);
+    let mut array = CoilArray::as_described(&fixture::bigmag());
     let (mut deepest, mut strongest): (f64, f64) = (0.0, 0.0);
     for index in 0..(seconds / STEP) as u32 {
         let time = f64::from(index) * STEP;

@@ -35,7 +35,7 @@ fn damped(mut rod: Rod, step: f64) -> Rod {
 }
 
 fn array() -> CoilArray {
-    let mut array = CoilArray::new(&fixture::bigmag(), &[]);
+    let mut array = CoilArray::as_described(&fixture::bigmag());
     array.actuate(&CURRENTS, &ANGLES);
     array
 }

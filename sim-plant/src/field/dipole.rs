@@ -19,12 +19,14 @@
 //!
 //! Source: Jackson, Classical Electrodynamics, 3rd ed., eqs. (5.56), (5.69), (5.71).
 
+use std::f64::consts::PI;
+
 use nalgebra::{Matrix3, Vector3};
 
-use super::sample::{Field, Wrench};
+use super::sample::{Field, MU0, Wrench};
 
-/// Magnetic constant over 4 pi, T m / A, as in the SI before 2019; that of today differs by 2e-10 of itself.
-const MU0_OVER_4_PI: f64 = 1e-7;
+/// `c` of the module's head, T m / A.
+const MU0_OVER_4_PI: f64 = MU0 / (4.0 * PI);
 
 /// A point dipole in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
