@@ -49,7 +49,8 @@ fn vessel(surface: Surface) -> Contact {
     Contact { wall: Wall::Tube { points, radius: 4e-3 }, surface }
 }
 
-/// Drives the rod by all coils for some seconds; returns the greatest depth, m, and the greatest force of the wall, N.
+/// Drives the rod by all coils for some seconds; returns the greatest depth, m, and the greatest force of the
+/// wall, N.
 fn drive(rod: &mut Rod, amplitude: f64, seconds: f64) -> (f64, f64) {
     let mut array = CoilArray::as_described(&fixture::bigmag());
     let (mut deepest, mut strongest): (f64, f64) = (0.0, 0.0);
@@ -88,7 +89,8 @@ fn rod_lying_on_a_floor_is_borne_by_its_weight() {
             1e-6,
             "",
         ),
-        // The last half element's mass counts a sixth of an element further in than the floor's force on the tip.
+        // The last half element's mass counts a sixth of an element further in than the floor's force on the
+        // tip.
         Row::new("greatest depth over that of the law, beyond 1", touch.depth_max / depth - 1.0, 0.02, ""),
     ];
     assert!(touch.force.xy().norm() < 1e-12 * borne);

@@ -1,4 +1,5 @@
-//! Convergence of the shipped planar rig's rod with the mesh and with the step: at rest under coil currents, and in a swing.
+//! Convergence of the shipped planar rig's rod with the mesh and with the step: at rest under coil currents,
+//! and in a swing.
 
 #[path = "../src/fixture.rs"]
 mod fixture;
@@ -59,7 +60,8 @@ fn settled(element_mm: f64) -> [Vector3<f64>; 2] {
     tangents(&rod)
 }
 
-/// Where the shipped damping brings the rod in four seconds after the currents come on within 0.1 s: fifteen time constants.
+/// Where the shipped damping brings the rod in four seconds after the currents come on within 0.1 s: fifteen
+/// time constants.
 fn driven(step: f64) -> [Vector3<f64>; 2] {
     let mut array = array();
     let mut rod = damped(resting(ELEMENT_MM, step), step);

@@ -58,7 +58,8 @@ fn energy_never_grows_without_a_field() {
     }
 }
 
-/// What a decaying oscillation shows over its first clean period: damping ratio, and undamped angular frequency.
+/// What a decaying oscillation shows over its first clean period: damping ratio, and undamped angular
+/// frequency.
 fn decay(signal: &[f64]) -> (f64, f64) {
     // Each extreme between two samples, from the parabola through three.
     let extremes: Vec<(f64, f64)> = signal
@@ -100,9 +101,11 @@ fn logarithmic_decrement_gives_the_damping_ratio_of_each_plane() {
                 })
                 .collect();
             let (found, frequency) = decay(&signal);
-            // Sideways bending of the sagging rod turns it too: a trace of that faster, overdamped mode is left.
+            // Sideways bending of the sagging rod turns it too: a trace of that faster, overdamped mode is
+            // left.
             assert!((frequency / own.angular_frequency - 1.0).abs() < 5e-3);
-            // Kelvin-Voigt: `tau w E / 2`, `E` the elastic share of the mode's stiffness, and `x w t / 2` of the integration.
+            // Kelvin-Voigt: `tau w E / 2`, `E` the elastic share of the mode's stiffness, and `x w t / 2` of
+            // the integration.
             let expected = 0.5 * frequency * (retardation * own.elastic_share + 0.02 * STEP);
             let off = 100.0 * (found / expected - 1.0);
             rows.push(Row::new(format!("damping ratio {damping_ratio}, {plane}"), off, 1.0, "%"));

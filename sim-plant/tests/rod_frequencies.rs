@@ -1,6 +1,7 @@
 //! Natural frequencies of the rod against beams that are not cut into elements.
 //!
-//! The midpoint rule lengthens a period: a mode of angular frequency `w` swings at `2/t atan(w t / 2)`, slower by
+//! The midpoint rule lengthens a period: a mode of angular frequency `w` swings at `2/t atan(w t / 2)`,
+//! slower by
 //! `(w t)^2 / 12`, when the step is `t`. What is left beside that is the mesh's.
 
 #[path = "rod_oracles/beam.rs"]
@@ -160,8 +161,9 @@ fn frequencies_are_those_of_the_beam() {
             );
         }
         let expected = torsion_frequency(&manipulator);
-        // Nothing but its own thin rubber turns at the end of the plain cantilever: fast enough for the shipped step to slow
-        // it by 2.5 %. The rods with magnets, and the plain one at half the step, are within one per cent.
+        // Nothing but its own thin rubber turns at the end of the plain cantilever: fast enough for the
+        // shipped step to slow it by 2.5 %. The rods with magnets, and the plain one at half the step, are
+        // within one per cent.
         let coarse = if name == "plain cantilever" { 3.0 } else { 1.0 };
         for (step, bar) in [(STEP, coarse), (STEP / 2.0, 1.0), (STEP / 10.0, 0.1)] {
             let slow = expected * (1.0 + slowed(expected, step));

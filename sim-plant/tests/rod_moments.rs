@@ -1,7 +1,8 @@
 //! The rod at rest under moments, against closed forms, and the loads at which it stops to be straight.
 //!
-//! A moment `m` fixed in the world is that of a dipole `u` in the uniform field `m x u / u^2`, once the dipole is turned as
-//! the reference says, when `u` is chosen across `m` there. A share of field along `u` adds no moment and makes the rest stable.
+//! A moment `m` fixed in the world is that of a dipole `u` in the uniform field `m x u / u^2`, once the
+//! dipole is turned as the reference says, when `u` is chosen across `m` there. A share of field along `u`
+//! adds no moment and makes the rest stable.
 
 #[path = "../src/fixture.rs"]
 mod fixture;
@@ -59,7 +60,8 @@ fn circle() -> (f64, f64) {
     worst
 }
 
-/// Tip rotation of a rod of unit length under a tip moment alone, by small turns with the curvature `K^-1 R^T m`.
+/// Tip rotation of a rod of unit length under a tip moment alone, by small turns with the curvature
+/// `K^-1 R^T m`.
 fn helix_turn(m: &Vector3<f64>, bending: f64, torsion: f64) -> Matrix3<f64> {
     let count = 2000;
     let length = 1.0 / f64::from(count);
@@ -75,12 +77,14 @@ fn helix_turn(m: &Vector3<f64>, bending: f64, torsion: f64) -> Matrix3<f64> {
     *rotation.matrix()
 }
 
-/// Greatest deviations from the helix on 60 elements, the moment growing in steps along the helices of smaller ones.
+/// Greatest deviations from the helix on 60 elements, the moment growing in steps along the helices of
+/// smaller ones.
 ///
 /// Two dipoles across each other at the tip share the moment; the rod asks for their fields in turn.
 fn helix() -> (f64, f64) {
     let mut worst: (f64, f64) = (0.0, 0.0);
-    // The second helix, under 6 EI/L across and 4 EI/L along, is no stable rest of these dipoles: the rod writhes away from it.
+    // The second helix, under 6 EI/L across and 4 EI/L along, is no stable rest of these dipoles: the rod
+    // writhes away from it.
     for row in rows(&reference(), "helix_tip_moment").into_iter().take(1) {
         let (m, bending, torsion) = (vector(&row["m"]), number(&row["EI"]), number(&row["GJ"]));
         let section =
@@ -205,7 +209,8 @@ fn straight_rod_gives_way_at_the_critical_loads() {
     ];
     for (what, load) in cases {
         let (below, above) = (aside(&load, 0.95), aside(&load, 1.05));
-        // Below, the push is amplified twentyfold; above, the rod leans by about the square root of the excess.
+        // Below, the push is amplified twentyfold; above, the rod leans by about the square root of the
+        // excess.
         assert!(below < 1e-3 && above > 0.1, "{what}: {below} L below, {above} L above");
     }
 }

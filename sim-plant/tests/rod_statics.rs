@@ -70,7 +70,8 @@ fn heavy_elastica() -> Worst {
     worst
 }
 
-/// Bathe and Bolourchi's 45-degree bend, radius 100, along +y curving to +x, tip force along +z; both torsion stiffnesses.
+/// Bathe and Bolourchi's 45-degree bend, radius 100, along +y curving to +x, tip force along +z; both torsion
+/// stiffnesses.
 fn bend() -> f64 {
     let mut worst: f64 = 0.0;
     for row in rows(&reference(), "bend45") {

@@ -1,7 +1,8 @@
-//! A wide swing under gravity, against an integration of the same rod that shares neither coordinates nor time step.
+//! A wide swing under gravity, against an integration of the same rod that shares neither coordinates nor
+//! time step.
 //!
-//! The shipped rod is let go straight and level under four times its weight, and swings through more than a right angle. Its
-//! material damps it. The oracle is a chain of links, extrapolated in their number.
+//! The shipped rod is let go straight and level under four times its weight, and swings through more than a
+//! right angle. Its material damps it. The oracle is a chain of links, extrapolated in their number.
 
 #[path = "../src/fixture.rs"]
 mod fixture;

@@ -50,7 +50,8 @@ pub struct TubeConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SurfaceConfig {
-    /// Force a length of rod and a depth, kPa (N/m a mm), 0.001 to 10000. A load of 1 N/m sinks 0.01 mm into 100 kPa, and half of
+    /// Force a length of rod and a depth, kPa (N/m a mm), 0.001 to 10000. A load of 1 N/m sinks 0.01 mm into
+    /// 100 kPa, and half of
     /// `rounding_mm` more.
     pub stiffness_kpa: f64,
     /// Depth over which the stiffness sets in, mm, 0.001 to 10.

@@ -21,10 +21,10 @@ impl Rod {
         for ((body, motion), residual) in self.chain.bodies.iter().zip(&self.motions).zip(&mut self.residual)
         {
             let (velocity, spin) = motion.velocities_after(step, share);
-            let force = (self.gravity - (velocity - motion.velocity) / step) * body.mass; // (ii)
+            let force = (self.gravity - (velocity - motion.velocity) / step) * body.mass; // (R9)
             let before = motion.pose.rotation * body.angular_momentum(&motion.spin);
             let after = motion.end.rotation * body.angular_momentum(&spin);
-            let moment = (before - after) / step; // (iii)
+            let moment = (before - after) / step; // (R10)
             *residual = stack(&force, &moment);
         }
         self.add_elements();
@@ -60,7 +60,7 @@ impl Rod {
                 &motion.end.rotation,
             );
             let strain = self.strains[index].towards(&element.strain(&end), 0.5 + rate_share);
-            let gradient = element.gradient(&half, &element.stress(&strain)); // (iv)
+            let gradient = element.gradient(&half, &element.stress(&strain)); // (R11)
             let force = half.frame * gradient.force;
             let moment_left = half.frame * gradient.moment_i - left_arm.cross(&force);
             let moment_right = half.frame * gradient.moment_j + right_arm.cross(&force);
@@ -74,7 +74,7 @@ impl Rod {
         }
     }
 
-    /// `x / 2 + tau / t` of (iv).
+    /// `x / 2 + tau / t` of (R11).
     fn rate_share(&self) -> f64 {
         DISSIPATION / 2.0 + self.stepping.retardation / self.stepping.step
     }

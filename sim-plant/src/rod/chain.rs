@@ -174,7 +174,7 @@ impl Chain {
                     let element = Element::of_section(section, count);
                     for _ in 0..count {
                         let end = assembly.length;
-                        assembly.glue(section, end, element.length / 6.0, element.length);
+                        assembly.glue(section, end, element.length / 6.0, element.length); // (R7)
                         chain.finish(std::mem::take(&mut assembly));
                         chain.elements.push(element.clone());
                         assembly.glue(section, 0.0, -element.length / 6.0, element.length);
@@ -263,8 +263,8 @@ impl Assembly {
         }
     }
 
-    /// Half an element of a section, whose node is at the body's end and whose mass `inwards` from it. Its own rotary
-    /// inertia is that of the cross-section.
+    /// Half an element of a section, whose node is at the body's end and whose mass `inwards` from it. Its
+    /// own rotary inertia is that of the cross-section.
     fn glue(&mut self, section: &SectionDescription, node: f64, inwards: f64, element_length: f64) {
         let at = node + inwards;
         self.touch(node, section.radius, element_length / 2.0);
@@ -346,7 +346,8 @@ mod tests {
     fn points_of_contact_stand_for_the_whole_length() {
         let description = fixture::bigmag();
         let chain = Chain::new(&description.manipulator, Meshing { element_length_max: 2.5e-3 });
-        // Nine nodes and an end in each section, and both ends of each magnet; the rubber's end at a magnet is a point of its own.
+        // Nine nodes and an end in each section, and both ends of each magnet; the rubber's end at a magnet
+        // is a point of its own.
         assert_eq!(chain.contact_points.len(), 2 * (9 + 1 + 2) + 1);
         let length: f64 = chain.contact_points.iter().map(|point| point.length).sum();
         // Half an element stays at the clamp.

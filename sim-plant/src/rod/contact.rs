@@ -5,27 +5,30 @@
 //! | `y` | a point of contact on the rod's axis: each node, both ends of each magnet, the tip |
 //! | `r`, `l` | the rod's radius there, and the length that the point stands for |
 //! | `g(y)`, `n` | distance from the wall, and its gradient ([`super::wall`]) |
-//! | `p` | depth, `r - g(y)`; contact where it is positive |
-//! | `k`, `w` | the wall's stiffness, N/m^2 (force a length and a depth), and the depth over which it sets in |
+//! | `q` | depth, `r - g(y)`; contact where it is positive |
+//! | `k`, `w` | the wall's stiffness, N/m^2 (force a length and a depth); depth over which it sets in |
 //! | `c`, `f`, `s` | damping, s/m; friction coefficient; speed of creep, m/s |
 //!
-//! `U(p) = k l p^3 / (6 w)` up to `p = w`, then `k l ((p - w/2)^2 / 2 + w^2 / 24)`: the force grows with the square of the depth at
-//! first, so that its slope is continuous, and then with the depth                               (vii)
+//! `U(q) = k l q^3 / (6 w)` up to `q = w`, then `k l ((q - w/2)^2 / 2 + w^2 / 24)`: the force grows with the
+//! square of the depth at first, so that its slope is continuous, and then with the depth (R15)
 //!
-//! Over a step, indices as in [`super::dynamics`], and with `z = d + R T x a` the displacement of a point at `a` from its body's centre of mass:
+//! Over a step, indices as in [`super::dynamics`], and with `z = d + R T x a` the displacement of a point at
+//! `a` from its body's centre of mass:
 //!
 //! ```text
-//! N = (U(p1) - U(p0)) / (p1 - p0) max(0, 1 + c (p1 - p0) / t)           (viii)
-//! n' = n(half) + z (p0 - p1 - n(half) . z) / z^2                        (ix)
-//! F = N (n' - f u / sqrt(u^2 + s^2)),  u = (z - n' (n' . z)) / t        (x)
+//! N = (U(q1) - U(q0)) / (q1 - q0) max(0, 1 + c (q1 - q0) / t)           (R16)
+//! n' = n(half) + z (q0 - q1 - n(half) . z) / z^2                        (R17)
+//! F = N (n' - f v / sqrt(v^2 + s^2)),  v = (z - n' (n' . z)) / t        (R18)
 //! ```
 //!
-//! With (ix) the work `F . z` is the change of `U`, with its sign, less what damping and friction take, up to rounding: contact
-//! feeds no energy to the rod. Damping and friction only take: `c` makes a wall push harder against what comes than after what
-//! goes, and never pull (Hunt and Crossley, J. Applied Mechanics 42, 1975).
+//! With (R17) the work `F . z` is the change of `U`, with its sign, less what damping and friction take, up
+//! to rounding: contact feeds no energy to the rod. Damping and friction only take: `c` makes a wall push
+//! harder against what comes than after what goes, and never pull (Hunt and Crossley, J. Applied Mechanics
+//! 42, 1975).
 //!
-//! Friction is Coulomb's above the speed `s` and viscous below it: a rod that sticks in truth creeps here, with less than `s`.
-//! It acts on the axis, so that it does not roll the rod. Rest ([`Rod::settle`]) is that without friction.
+//! Friction is Coulomb's above the speed `s` and viscous below it: a rod that sticks in truth creeps here,
+//! with less than `s`. It acts on the axis, so that it does not roll the rod. Rest ([`Rod::settle`]) is that
+//! without friction.
 
 use nalgebra::{Matrix3, Matrix6, Vector3};
 
@@ -124,13 +127,13 @@ impl Surface {
         if depth <= 0.0 {
             0.0
         } else if depth < w {
-            k * depth.powi(3) / (6.0 * w) // (vii)
+            k * depth.powi(3) / (6.0 * w) // (R15)
         } else {
             k * (0.5 * (depth - 0.5 * w).powi(2) + w * w / 24.0)
         }
     }
 
-    /// `dU/dp`.
+    /// `dU/dq`.
     fn pressure(&self, depth: f64, length: f64) -> f64 {
         let (k, w) = (self.stiffness * length, self.rounding);
         if depth <= 0.0 {
@@ -142,11 +145,12 @@ impl Surface {
         }
     }
 
-    /// `(U(p1) - U(p0)) / (p1 - p0)` and its derivative by `p1`.
+    /// `(U(q1) - U(q0)) / (q1 - q0)` and its derivative by `q1`.
     fn mean_pressure(&self, [before, after]: [f64; 2], length: f64) -> (f64, f64) {
         let change = after - before;
         if change.abs() < 1e-6 * self.rounding {
-            // Differences of the energy would lose their digits; the midpoint is off by the square of the change.
+            // Differences of the energy would lose their digits; the midpoint is off by the square of the
+            // change.
             let middle = 0.5 * (before + after);
             let probe = 1e-3 * self.rounding;
             let slope = (self.pressure(middle + probe, length) - self.pressure(middle - probe, length))
@@ -157,16 +161,16 @@ impl Surface {
         (mean, (self.pressure(after, length) - mean) / change)
     }
 
-    /// (viii) to (x) for a point that stands for `length`.
+    /// (R16) to (R18) for a point that stands for `length`.
     fn load(&self, passage: &Passage, length: f64, friction: f64, step: f64) -> Load {
         let Passage { displacement, depths, normal } = passage;
         let (mean, slope) = self.mean_pressure(*depths, length);
         let sinking = depths[1] - depths[0];
         let damping = (1.0 + self.damping * sinking / step).max(0.0);
-        let push = mean * damping; // (viii)
+        let push = mean * damping; // (R16)
         let square = displacement.norm_squared();
         let missing = -sinking - normal.dot(displacement);
-        let normal = if square > 0.0 { normal + displacement * (missing / square) } else { *normal }; // (ix)
+        let normal = if square > 0.0 { normal + displacement * (missing / square) } else { *normal }; // (R17)
         let slip = (displacement - normal * normal.dot(displacement)) / step;
         let speed = (slip.norm_squared() + self.creep_speed.powi(2)).sqrt();
         let drag = slip * (-friction * push / speed);
@@ -174,7 +178,7 @@ impl Surface {
         let across = Matrix3::identity() - normal * normal.transpose();
         let sliding = across - slip * slip.transpose() / (speed * speed);
         Load {
-            force: normal * push + drag, // (x)
+            force: normal * push + drag, // (R18)
             damping_work: (mean - push) * sinking,
             friction_work: drag.dot(displacement),
             stiffness: normal * normal.transpose() * steepness + sliding * (friction * push / (speed * step)),
@@ -236,7 +240,8 @@ impl Rod {
         self.contacts = Some(contacts);
     }
 
-    /// Forces of the wall about the bodies' centres of mass, added to the residual; drops the tangent when it does not know them.
+    /// Forces of the wall about the bodies' centres of mass, added to the residual; drops the tangent when it
+    /// does not know them.
     pub(super) fn add_contacts(&mut self) {
         let Some(contacts) = &mut self.contacts else { return };
         let friction = contacts.friction();

@@ -147,7 +147,7 @@ impl Element {
             Some(stiffness) => (1.0 / stiffness.shear, stiffness.axial),
             None => (0.0, INEXTENSIBLE * bending / section.length.powi(2)),
         };
-        let shear = 1.0 / (shear_flexibility + residual);
+        let shear = 1.0 / (shear_flexibility + residual); // (R5)
         Self {
             length,
             force_stiffness: Vector3::new(shear, shear, axial),
@@ -165,8 +165,8 @@ impl Element {
     #[inline(always)]
     pub fn strain(&self, link: &Link) -> Strain {
         Strain {
-            force_like: link.chord / self.length - arc_chord(&link.turn),
-            moment_like: link.turn / self.length - self.precurvature,
+            force_like: link.chord / self.length - arc_chord(&link.turn), // (R1)
+            moment_like: link.turn / self.length - self.precurvature,     // (R2)
         }
     }
 
@@ -183,7 +183,7 @@ impl Element {
     pub fn energy(&self, strain: &Strain) -> f64 {
         let stress = self.stress(strain);
         let density = stress.force_like.dot(&strain.force_like) + stress.moment_like.dot(&strain.moment_like);
-        0.5 * self.length * density
+        0.5 * self.length * density // (R4)
     }
 
     /// What a stress asks of the ends.
@@ -202,14 +202,14 @@ impl Element {
         // tanh(phi^/4) = (1/4)(1 + phi^2 / 48) phi^
         let lever = force.cross(&link.chord);
         let skewed = lever.cross(phi) * (0.125 * (1.0 + squared / 48.0));
-        let inner = turned - skewed;
+        let inner = turned - skewed; // (R6)
         EndGradient { force, moment_i: lever * 0.5 - inner, moment_j: lever * 0.5 + inner }
     }
 
     /// Derivative of [`Self::gradient`], with `stress` following the strains by `share.material`.
     ///
-    /// Terms of relative size `phi^2 / 12` and `force h / 12` are left out: the tangent steers an iteration whose residual
-    /// is complete.
+    /// Terms of relative size `phi^2 / 12` and `force h / 12` are left out: the tangent steers an iteration
+    /// whose residual is complete.
     pub fn tangent(&self, link: &Link, stress: &Strain, share: Share) -> EndTangent {
         let stretch = Matrix3::from_diagonal(&(self.force_stiffness * (share.material / self.length)));
         let bend = Matrix3::from_diagonal(&(self.moment_stiffness * (share.material / self.length)));
@@ -243,7 +243,7 @@ impl Element {
 /// `c(phi)`
 fn arc_chord(phi: &Vector3<f64>) -> Vector3<f64> {
     let e3 = Vector3::z();
-    e3 + phi.cross(&phi.cross(&e3)) / 24.0
+    e3 + phi.cross(&phi.cross(&e3)) / 24.0 // (R3)
 }
 
 /// A 6 x 6 matrix from its four blocks.

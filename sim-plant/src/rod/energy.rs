@@ -1,18 +1,22 @@
 //! Energy: what is stored, what came in, and where it went.
 //!
-//! Symbols are those of [`super::dynamics`]. Multiply (ii) by `d` and (iii) by `R T`, and sum over the bodies. The left sides
-//! are `dK + x/2 sum (m |v1 - v0|^2 + (W1 - W0)^T J (W1 - W0))` exactly, `dK` the change of kinetic energy. On the right
-//! stands the work of gravity and of the field, exactly too, less that of the stresses (iv):
+//! Symbols are those of [`super::dynamics`]. Multiply (R9) by `d` and (R10) by `R T`, and sum over the
+//! bodies. The left sides are `dK + x/2 sum (m |v1 - v0|^2 + (W1 - W0)^T J (W1 - W0))` exactly, `dK` the
+//! change of kinetic energy. On the right stands the work of gravity and of the field, exactly too, less that
+//! of the stresses (R11):
 //!
-//! `dU + h (x/2 + tau/t) de^T C de`                                                        (v)
+//! `dU + h (x/2 + tau/t) de^T C de`                                                        (R13)
 //!
-//! an element, `dU` the change of elastic energy and `de` that of the strains, but for the third power of what the
-//! element turns within a step. So
+//! an element, `dU` the change of elastic energy and `de` that of the strains, but for the third power of
+//! what the element turns within a step. So
 //!
-//! `work of the coils = d(kinetic + elastic + gravity + pairs + contact) + damping + contact + friction + numerical`     (vi)
+//! ```text
+//! work of the coils = d(kinetic + elastic + gravity + pairs + contact)
+//!                     + damping + contact + friction + numerical                          (R14)
+//! ```
 //!
-//! where `tau/t` of (v) is the damping's share and every term with `x` the numerical one. What is missing from (vi) is no entry
-//! of the ledger: it is the measure of its truth.
+//! where `tau/t` of (R13) is the damping's share and every term with `x` the numerical one. What is missing
+//! from (R14) is no entry of the ledger: it is the measure of its truth.
 
 use nalgebra::Vector3;
 
@@ -43,7 +47,8 @@ impl Energy {
     }
 }
 
-/// Work and losses of all steps so far, J. Blows ([`Rod::strike`]) are not in it; [`Rod::settle`] starts it anew.
+/// Work and losses of all steps so far, J. Blows ([`Rod::strike`]) are not in it; [`Rod::settle`] starts it
+/// anew.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EnergyLedger {
     /// Done by the coils' field on the magnets.
@@ -71,7 +76,7 @@ impl EnergyLedger {
         self.numerical += 0.5 * DISSIPATION * square;
     }
 
-    /// Losses (v) of an element, given the change of its strains in the step and `tau / t`.
+    /// Losses (R13) of an element, given the change of its strains in the step and `tau / t`.
     pub(super) fn add_strain_loss(&mut self, element: &Element, change: &Strain, time_constants: f64) {
         let square = 2.0 * element.energy(change);
         self.damping += time_constants * square;

@@ -1,11 +1,11 @@
 //! Magnets: their poses, and the wrenches of the coils' field and of each other.
 //!
-//! Two magnets that can move against each other are two dipoles. Their wrenches are those of one pair of half-way
-//! poses, the same for both, so that force and moment add up to nothing: what one gains, the other loses. Magnets that
-//! are rigidly joined only strain themselves, and are left out.
+//! Two magnets that can move against each other are two dipoles. Their wrenches are those of one pair of
+//! half-way poses, the same for both, so that force and moment add up to nothing: what one gains, the other
+//! loses. Magnets that are rigidly joined only strain themselves, and are left out.
 //!
-//! The coils' field is sampled once a step, at the predicted half-way pose; the dipole's torque follows the iteration. The
-//! magnets' own fields are cheap and follow the iteration as a whole.
+//! The coils' field is sampled once a step, at the predicted half-way pose; the dipole's torque follows the
+//! iteration. The magnets' own fields are cheap and follow the iteration as a whole.
 
 use nalgebra::Vector3;
 
@@ -143,7 +143,7 @@ impl Rod {
         let rotation =
             magnet.body.map_or(self.chain.clamp_of_magnets(), |body| self.motions[body].half).rotation;
         let arm = rotation * Vector3::new(0.0, 0.0, magnet.offset);
-        Wrench { force: *force, torque: torque + arm.cross(force) }
+        Wrench { force: *force, torque: torque + arm.cross(force) } // (R12)
     }
 }
 

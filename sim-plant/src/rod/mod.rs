@@ -15,8 +15,8 @@
 //!   Computers & Structures 8, 1978) so that a coarse mesh neither locks nor softens; masses lumped
 //!   one sixth of an element inwards from the ends of a section, which reproduces its consistent
 //!   end moments;
-//! - time (`dynamics`, `motion`, `balance`): the midpoint rule on rotations with stresses averaged over the step (Simo,
-//!   Tarnow and Doblaré, "Non-linear dynamics of three-dimensional rods: exact energy and momentum
+//! - time (`dynamics`, `motion`, `balance`): the midpoint rule on rotations with stresses averaged over the
+//!   step (Simo, Tarnow and Doblaré, "Non-linear dynamics of three-dimensional rods: exact energy and momentum
 //!   conserving algorithms", IJNME 38, 1995) plus a first-order dissipation in strain and velocity, so
 //!   that energy decays at every frequency (Armero and Romero, CMAME 190, 2001);
 //! - solution (`block_tridiagonal`): a Newton iteration whose factorised tangent is kept over many steps

@@ -40,7 +40,7 @@ impl FirstMode {
     /// Kelvin-Voigt time constant, s, that gives the mode a damping ratio.
     #[must_use]
     pub fn retardation(&self, damping_ratio: f64) -> f64 {
-        2.0 * damping_ratio / (self.angular_frequency * self.elastic_share)
+        2.0 * damping_ratio / (self.angular_frequency * self.elastic_share) // (R19)
     }
 }
 
@@ -52,8 +52,8 @@ impl Rod {
         self.mode_from(&Self::lean)
     }
 
-    /// The lowest mode in which bodies move along a direction (world), for a rod that is symmetric about a plane along or
-    /// across it; else as [`Self::first_mode`].
+    /// The lowest mode in which bodies move along a direction (world), for a rod that is symmetric about a
+    /// plane along or across it; else as [`Self::first_mode`].
     #[must_use]
     pub fn first_mode_along(&mut self, direction: &Vector3<f64>) -> Option<FirstMode> {
         self.mode_from(&|pose| {
@@ -103,10 +103,11 @@ impl Rod {
     }
 
     /// Lets the rod come to rest in a field that stays as it is, by strong damping, and returns whether
-    /// it did. Only stable equilibria are found. The stepping is as before afterwards; the energy ledger starts anew.
+    /// it did. Only stable equilibria are found. The stepping is as before afterwards; the energy ledger
+    /// starts anew.
     ///
-    /// The first mode of the elastic stiffness alone, which is stable whatever loads the rod on its way, is damped
-    /// critically; faster ones creep with the time constant `2 / w1`.
+    /// The first mode of the elastic stiffness alone, which is stable whatever loads the rod on its way, is
+    /// damped critically; faster ones creep with the time constant `2 / w1`.
     pub fn settle(&mut self, field: impl Fn(&Vector3<f64>) -> Field) -> bool {
         let before = self.stepping();
         self.halt();

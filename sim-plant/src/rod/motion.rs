@@ -1,4 +1,4 @@
-//! State and unknowns of one body; symbols and equation (i) are those of `dynamics`.
+//! State and unknowns of one body; symbols and equation (R8) are those of `dynamics`.
 
 use nalgebra::Vector3;
 
@@ -73,7 +73,7 @@ impl Motion {
     #[inline(always)]
     pub(super) fn velocities_after(&self, step: f64, share: f64) -> (Vector3<f64>, Vector3<f64>) {
         let after = |increment: &Vector3<f64>, before: &Vector3<f64>| {
-            (increment / step - before * (1.0 - share)) / share // (i)
+            (increment / step - before * (1.0 - share)) / share // (R8)
         };
         (after(&self.shift, &self.velocity), after(&self.turn, &self.spin))
     }

@@ -15,7 +15,8 @@ const SERIES_BELOW: f64 = 1e-2;
 pub fn exponential(v: &Vector3<f64>) -> UnitQuaternion<f64> {
     let squared = 0.25 * v.norm_squared();
     let (cosine, sine_ratio) = if squared < SERIES_BELOW {
-        // cos(x) and sin(x) / x; products with constants, since a chain of divisions takes five times as long.
+        // cos(x) and sin(x) / x; products with constants, since a chain of divisions takes five times as
+        // long.
         let cosine = squared * (1.0 / 40_320.0) - 1.0 / 720.0;
         let cosine = 1.0 + squared * (-0.5 + squared * (1.0 / 24.0 + squared * cosine));
         let sine = squared * (1.0 / 362_880.0) - 1.0 / 5040.0;

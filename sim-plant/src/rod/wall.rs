@@ -1,7 +1,7 @@
 //! Walls: how far a point is from one, and which way leads away from it.
 //!
-//! A plane has a free side. A tube is a polyline with a radius, the rod inside; its first and last segment go on for ever, so that
-//! a rod that leaves it is guided on. Where two segments meet, the wall is rounded.
+//! A plane has a free side. A tube is a polyline with a radius, the rod inside; its first and last segment go
+//! on for ever, so that a rod that leaves it is guided on. Where two segments meet, the wall is rounded.
 
 use nalgebra::Vector3;
 

@@ -1,4 +1,5 @@
-//! Natural frequencies of straight beams with rigid bodies, by transfer matrices: nothing is cut into elements.
+//! Natural frequencies of straight beams with rigid bodies, by transfer matrices: nothing is cut into
+//! elements.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -11,8 +12,9 @@
 //!
 //! `y' = a + q/GA,  a' = m/EI,  q' = -rA w^2 y,  m' = -q - rI w^2 a`
 //!
-//! which is Rayleigh's for `1/GA = 0` and Euler and Bernoulli's when `rI` is left out as well. The exponential of the
-//! constant matrix carries the state along a section exactly; a rigid body of length `2 b`, mass `M` and inertia `J` adds
+//! which is Rayleigh's for `1/GA = 0` and Euler and Bernoulli's when `rI` is left out as well. The
+//! exponential of the constant matrix carries the state along a section exactly; a rigid body of length
+//! `2 b`, mass `M` and inertia `J` adds
 //! `-M w^2 (y + b a)` to `q`. Clamped and free ends leave a 2 x 2 determinant, zero at a natural frequency.
 //! Torsion is the same with the two states angle and torque.
 

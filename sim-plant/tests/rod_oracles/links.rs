@@ -7,14 +7,15 @@
 //! | `k_i` | stiffness of the joint before it, the clamp's for the first |
 //! | `tau` | Kelvin-Voigt time constant |
 //!
-//! A section is cut into equal links with joints `EI/h`, and `2 EI/h` where it meets the clamp or a magnet, half a link away;
-//! a magnet is one link. Nothing stretches or shears. Lagrange's equations are
+//! A section is cut into equal links with joints `EI/h`, and `2 EI/h` where it meets the clamp or a magnet,
+//! half a link away; a magnet is one link. Nothing stretches or shears. Lagrange's equations are
 //!
-//! `sum_j A_ij [cos(a_i - a_j) a_j'' + sin(a_i - a_j) a_j'^2] = -g S_i cos a_i - joints (k, k tau)`
+//! `sum_j A_ij [cos(a_i - a_j) a_j'' + sin(a_i - a_j) a_j'^2] = -g l_i S_i cos a_i - joints (k, k tau)`
 //!
-//! with `A_ii = J_i + m_i l_i^2/4 + l_i^2 M_i`, `A_ij = l_i S_j` for `i < j`, `S_i = l_i (m_i/2 + M_i)`, over `l_i` in `A_ij`, and `M_i` the
-//! mass beyond link `i`. Time: the stiffly stable Runge-Kutta method of order 4 with five implicit stages and `1/4` on its
-//! diagonal (Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.6).
+//! with `S_i = m_i/2 + M_i`, `M_i` the mass beyond link `i`, `A_ii = J_i + l_i^2 (m_i/4 + M_i)` and
+//! `A_ij = l_i l_j S_j` for `i < j`. Time: the stiffly stable Runge-Kutta method of order 4 with five
+//! implicit stages and `1/4` on its diagonal (Hairer and Wanner, Solving Ordinary Differential Equations II,
+//! IV.6).
 
 use magsteer_hal::description::{ManipulatorDescription, PartDescription};
 use nalgebra::{DMatrix, DVector};
@@ -32,7 +33,7 @@ pub struct Links {
     length: Vec<f64>,
     /// `A`.
     inertia: DMatrix<f64>,
-    /// `g S`.
+    /// `g l S`.
     weight: DVector<f64>,
     /// Of the joints, as a matrix on the angles.
     stiffness: DMatrix<f64>,
