@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Matrix6, UnitQuaternion, Vector3, Vector6};
 
 use super::chain::Pose;
 use super::dynamics::{DISSIPATION, Rod};
-use super::element::{EndTangent, Link, Share, blocks};
+use super::element::{Blocks, EndTangent, Link, Share, blocks};
 use super::motion::Motion;
 use super::rotation::{matrix, skew};
 
@@ -121,10 +121,10 @@ impl Rod {
             let i = EndMap::new(&link, &left.rotation, left_offset, &-force);
             let j = EndMap::new(&link, &right.rotation, body.proximal, &force);
             if index > 0 {
-                self.tangent.add_diagonal(index - 1, &(i.both(&ii, &i) + i.arm));
+                self.tangent.add_diagonal(index - 1, &(i.both(&ii, &i) + i.by_arm));
                 self.tangent.add_coupling(index, &i.both(&ij, &j), &j.both(&ji, &i));
             }
-            self.tangent.add_diagonal(index, &(j.both(&jj, &j) + j.arm));
+            self.tangent.add_diagonal(index, &(j.both(&jj, &j) + j.by_arm));
             left = right;
             left_offset = body.distal;
         }
@@ -132,24 +132,38 @@ impl Rod {
 }
 
 /// Takes small motions of a body (displacement and rotation in body axes) to those of an element's end
-/// in the element's axes.
+/// in the element's axes: `[Q, -a Q; 0, Q]` with the turn `Q` and the arm `a`.
 struct EndMap {
-    map: Matrix6<f64>,
+    turn: Matrix3<f64>,
+    arm: Matrix3<f64>,
     /// Stiffness of the end's force turning with its arm about the centre of mass.
-    arm: Matrix6<f64>,
+    by_arm: Matrix6<f64>,
 }
 
 impl EndMap {
+    #[inline(always)]
     fn new(link: &Link, rotation: &UnitQuaternion<f64>, offset: f64, force: &Matrix3<f64>) -> Self {
         let turn = link.frame.tr_mul(&matrix(rotation));
         let arm = skew(&(turn.column(2) * offset));
         let zero = Matrix3::zeros();
         let moment = turn.tr_mul(&(force * arm * turn));
-        Self { map: blocks(&turn, &(-arm * turn), &zero, &turn), arm: blocks(&zero, &zero, &zero, &moment) }
+        Self { turn, arm, by_arm: blocks(&zero, &zero, &zero, &moment) }
     }
 
-    fn both(&self, middle: &Matrix6<f64>, right: &Self) -> Matrix6<f64> {
-        self.map.tr_mul(&(middle * right.map))
+    /// The stiffness `middle` between this end's rows and the other's columns, in the bodies' axes.
+    #[inline(always)]
+    fn both(&self, middle: &Blocks, right: &Self) -> Matrix6<f64> {
+        let force_by_turn = middle.force_by_turn - middle.force_by_shift * right.arm;
+        let moment_by_shift = middle.moment_by_shift + self.arm * middle.force_by_shift;
+        let moment_by_turn =
+            middle.moment_by_turn - middle.moment_by_shift * right.arm + self.arm * force_by_turn;
+        let turned = |block: &Matrix3<f64>| self.turn.tr_mul(&(block * right.turn));
+        blocks(
+            &turned(&middle.force_by_shift),
+            &turned(&force_by_turn),
+            &turned(&moment_by_shift),
+            &turned(&moment_by_turn),
+        )
     }
 }
 

@@ -6,6 +6,8 @@
 
 use nalgebra::{Matrix6, Vector6};
 
+use super::element::blocks;
+
 /// The system and its factors. All storage is allocated at construction.
 #[derive(Debug, Clone)]
 pub struct BlockTridiagonal {
@@ -55,7 +57,7 @@ impl BlockTridiagonal {
             if row > 0 {
                 pivot -= self.lower[row] * self.next[row - 1];
             }
-            let Some(inverse) = pivot.try_inverse() else { return false };
+            let Some(inverse) = inverse(&pivot) else { return false };
             self.inverse[row] = inverse;
             self.next[row] = inverse * self.upper[row];
         }
@@ -91,6 +93,19 @@ impl BlockTridiagonal {
             })
             .collect()
     }
+}
+
+/// The inverse by blocks of three, without pivoting between them: the first block of a body is its mass and the
+/// stiffness against displacement, which is regular where the whole is.
+fn inverse(whole: &Matrix6<f64>) -> Option<Matrix6<f64>> {
+    let block = |row, column| whole.fixed_view::<3, 3>(row, column).into_owned();
+    let (a, b, c, d) = (block(0, 0), block(0, 3), block(3, 0), block(3, 3));
+    let a_inverse = a.try_inverse()?;
+    let beside = a_inverse * b;
+    let below = c * a_inverse;
+    let rest = (d - c * beside).try_inverse()?;
+    let corner = beside * rest;
+    Some(blocks(&(a_inverse + corner * below), &-corner, &-(rest * below), &rest))
 }
 
 #[cfg(test)]

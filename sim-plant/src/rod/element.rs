@@ -75,17 +75,30 @@ pub struct EndGradient {
     pub moment_j: Vector3<f64>,
 }
 
-/// Derivative of [`EndGradient`] by the ends' poses; rows and columns force before moment.
+/// A 6 x 6 stiffness in its four blocks.
+#[derive(Debug, Clone, Copy)]
+pub struct Blocks {
+    /// N/m.
+    pub force_by_shift: Matrix3<f64>,
+    /// N.
+    pub force_by_turn: Matrix3<f64>,
+    /// N.
+    pub moment_by_shift: Matrix3<f64>,
+    /// N m.
+    pub moment_by_turn: Matrix3<f64>,
+}
+
+/// Derivative of [`EndGradient`] by the ends' poses.
 #[derive(Debug, Clone, Copy)]
 pub struct EndTangent {
     /// Row and column of end i.
-    pub ii: Matrix6<f64>,
+    pub ii: Blocks,
     /// Row of end i, column of end j.
-    pub ij: Matrix6<f64>,
+    pub ij: Blocks,
     /// Row of end j, column of end i.
-    pub ji: Matrix6<f64>,
+    pub ji: Blocks,
     /// Row and column of end j.
-    pub jj: Matrix6<f64>,
+    pub jj: Blocks,
 }
 
 /// How much of the material and of the geometric stiffness enters a tangent.
@@ -210,6 +223,7 @@ impl Element {
     ///
     /// Terms of relative size `phi^2 / 12` and `force h / 12` are left out: the tangent steers an iteration
     /// whose residual is complete.
+    #[inline(always)]
     pub fn tangent(&self, link: &Link, stress: &Strain, share: Share) -> EndTangent {
         let stretch = Matrix3::from_diagonal(&(self.force_stiffness * (share.material / self.length)));
         let bend = Matrix3::from_diagonal(&(self.moment_stiffness * (share.material / self.length)));
@@ -231,11 +245,17 @@ impl Element {
         let (shift_j, shift_i) = (lever_by_shift + inner_by_shift, lever_by_shift - inner_by_shift);
         let (alike_j, alike_i) = (lever_alike + inner_alike, lever_alike - inner_alike);
         let (apart_j, apart_i) = (lever_apart + inner_apart, lever_apart - inner_apart);
+        let end = |force_by_shift, force_by_turn, moment_by_shift, moment_by_turn| Blocks {
+            force_by_shift,
+            force_by_turn,
+            moment_by_shift,
+            moment_by_turn,
+        };
         EndTangent {
-            ii: blocks(&stretch, &(force_apart - force_alike), &-shift_i, &(alike_i - apart_i)),
-            ij: blocks(&-stretch, &(-force_apart - force_alike), &shift_i, &(alike_i + apart_i)),
-            ji: blocks(&-stretch, &(force_alike - force_apart), &-shift_j, &(alike_j - apart_j)),
-            jj: blocks(&stretch, &(force_alike + force_apart), &shift_j, &(alike_j + apart_j)),
+            ii: end(stretch, force_apart - force_alike, -shift_i, alike_i - apart_i),
+            ij: end(-stretch, -force_apart - force_alike, shift_i, alike_i + apart_i),
+            ji: end(-stretch, force_alike - force_apart, -shift_j, alike_j - apart_j),
+            jj: end(stretch, force_alike + force_apart, shift_j, alike_j + apart_j),
         }
     }
 }
@@ -247,6 +267,7 @@ fn arc_chord(phi: &Vector3<f64>) -> Vector3<f64> {
 }
 
 /// A 6 x 6 matrix from its four blocks.
+#[inline(always)]
 pub fn blocks(
     force_by_shift: &Matrix3<f64>,
     force_by_turn: &Matrix3<f64>,
@@ -341,7 +362,10 @@ mod tests {
         for direction in 0..6 {
             let up = gradient(&i, &moved(&j, &link.frame, direction, step));
             let down = gradient(&i, &moved(&j, &link.frame, direction, -step));
-            let rows = [&tangent.jj, &tangent.ij, &tangent.jj];
+            let whole = |end: &Blocks| {
+                blocks(&end.force_by_shift, &end.force_by_turn, &end.moment_by_shift, &end.moment_by_turn)
+            };
+            let rows = [whole(&tangent.jj), whole(&tangent.ij), whole(&tangent.jj)];
             for (quantity, offset) in [(0, 0), (1, 3), (2, 3)] {
                 let slope = (up[quantity] - down[quantity]) / (2.0 * step);
                 let found = rows[quantity].fixed_view::<3, 1>(offset, direction);
