@@ -73,7 +73,8 @@ pub fn plant_tables() -> Value {
     json!({
         "seed": 1, "step_us": 500, "sensor": "tracker",
         "rod": {
-            "element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2, "magnet_interaction": true
+            "element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2, "magnet_interaction": true,
+            "contact": "none"
         },
         "amplifier": {
             "bandwidth_hz": 200.0, "current_gain_relative": 0.0, "current_offset_a": 0.0,

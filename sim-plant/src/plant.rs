@@ -101,6 +101,7 @@ impl Plant {
         let undamped = Stepping { step, retardation: 0.0 };
         let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);
         rod.set_magnet_interaction(settings.rod.magnet_interaction);
+        rod.set_contact(settings.rod.contact.clone());
         if rod.moving_mass() <= 0.0 {
             return Err(PlantError::Weightless);
         }

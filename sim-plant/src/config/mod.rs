@@ -4,6 +4,7 @@
 //! tables stand under that name in the rig's file. A file a table.
 
 mod amplifier;
+mod contact;
 mod coupling;
 mod driver;
 mod errors;
@@ -16,6 +17,7 @@ mod sensing;
 mod winding;
 
 pub use amplifier::AmplifierConfig;
+pub use contact::{ContactConfig, PlaneConfig, SurfaceConfig, TubeConfig};
 pub use coupling::CouplingConfig;
 pub use driver::DriverConfig;
 pub use errors::ErrorsConfig;
