@@ -5,6 +5,7 @@
 #![expect(unsafe_code, reason = "an allocator that counts has no safe form")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -75,7 +76,7 @@ fn input(cycle: u32) -> CycleInput {
         measured.current_a[0] = 1e6;
     }
     let pose = MagnetPose {
-        orientation_xyzw: [0.0, 0.70710678, 0.0, 0.70710678],
+        orientation_xyzw: [0.0, FRAC_1_SQRT_2, 0.0, FRAC_1_SQRT_2],
         valid: 1,
         ..MagnetPose::default()
     };
@@ -87,7 +88,7 @@ fn input(cycle: u32) -> CycleInput {
     CycleInput {
         period: 1e-3,
         pose: Some(poses),
-        pose_is_fresh: cycle % 5 == 0,
+        pose_is_fresh: cycle.is_multiple_of(5),
         pose_age: 5e-3,
         measured,
         admitted: measured,

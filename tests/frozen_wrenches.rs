@@ -50,7 +50,7 @@ fn the_frozen_jacobian_is_far_from_the_exact_one() {
     ];
     for (name, rig, currents) in named {
         let found =
-            deviations(&rig.jacobians(&rig.from_rest(&currents, &[0.0, 0.0]).expect("an equilibrium")));
+            deviations(&rig.jacobians(&rig.led_from_rest(&currents, &[0.0, 0.0]).expect("an equilibrium")));
         assert!(found[0] > 1.0, "more than its own size away: {found:?}");
         rows.push(Row { name: name.to_owned(), numbers: found.to_vec() });
     }
@@ -59,7 +59,9 @@ fn the_frozen_jacobian_is_far_from_the_exact_one() {
     while all.len() < 200 {
         let currents: Vec<f64> = (0..6).map(|_| random.random_range(-3.0..3.0)).collect();
         let angles: Vec<f64> = (0..2).map(|_| random.random_range(-1.5..1.5)).collect();
-        all.extend(shipped.from_rest(&currents, &angles).map(|state| deviations(&shipped.jacobians(&state))));
+        all.extend(
+            shipped.led_from_rest(&currents, &angles).map(|state| deviations(&shipped.jacobians(&state))),
+        );
     }
     for (name, share) in [("least", 0.0), ("median", 0.5), ("most", 1.0)] {
         let of = |index: usize| {
@@ -111,7 +113,7 @@ fn in_three_dimensions_the_loop_gain_is_spread_further() {
     while most.len() < 200 {
         let currents: Vec<f64> = (0..6).map(|_| random.random_range(-3.0..3.0)).collect();
         let angles: Vec<f64> = (0..2).map(|_| random.random_range(-1.5..1.5)).collect();
-        let Some(state) = rig.from_rest(&currents, &angles) else { continue };
+        let Some(state) = rig.led_from_rest(&currents, &angles) else { continue };
         let spatial = rig.jacobians(&state).spatial(&state.pass);
         let gains = (&spatial.exact * pseudo_inverse(&spatial.frozen)).complex_eigenvalues();
         least.push(gains.iter().map(|gain| gain.norm()).fold(f64::INFINITY, f64::min));

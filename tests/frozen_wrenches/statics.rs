@@ -87,7 +87,7 @@ impl Rig {
     }
 
     /// The stable equilibrium that the rod comes to from rest, within the field model's range.
-    pub fn from_rest(&self, currents: &[f64], angles: &[f64]) -> Option<State> {
+    pub fn led_from_rest(&self, currents: &[f64], angles: &[f64]) -> Option<State> {
         let mut actuation = Actuation::default();
         actuation.current_a[..currents.len()].copy_from_slice(currents);
         actuation.angle_rad[..angles.len()].copy_from_slice(angles);
@@ -102,7 +102,7 @@ impl Rig {
 
     /// The equilibrium at planar angles, deg from z, reached from rest by least changes of the currents.
     pub fn at_target(&self, target_deg: [f64; 2]) -> State {
-        let mut state = self.from_rest(&[0.0; 6], &[0.0; 2]).expect("rests");
+        let mut state = self.led_from_rest(&[0.0; 6], &[0.0; 2]).expect("rests");
         let start = planar_angles_deg(&state.pass);
         for step in 1..=60 {
             let share = f64::min(f64::from(step) / 50.0, 1.0);
