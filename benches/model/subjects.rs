@@ -9,8 +9,8 @@ use magsteer::control::Step;
 use magsteer::magnetics::{AppliedField, CoilArray, CoilPose, FieldSample, Multipole};
 use magsteer::rod::{Manipulator, Pass, PassMode, TipLoad, Wrenches};
 use magsteer_hal::HardwareDescription;
-use magsteer_hal::description::PartDescription;
-use nalgebra::Vector3;
+use magsteer_hal::description::{CoilDescription, PartDescription};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::recorded::RECORDING;
 
@@ -174,6 +174,16 @@ fn pass_eight_magnets() -> Box<dyn FnMut()> {
     pass(&large.description, large.manipulator.expect("has a model"), PassMode::default())
 }
 
+/// The shipped coils again and again, each time turned about the workspace's z axis by some more, so that no two are alike.
+fn turned(bigmag: &[CoilDescription], index: usize) -> CoilDescription {
+    let mut coil = bigmag[index % bigmag.len()].clone();
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3 * (index / bigmag.len()) as f64);
+    coil.position = (turn * Vector3::from(coil.position)).into();
+    let rotation = turn * Matrix3::from_fn(|row, column| coil.rotation[row][column]);
+    coil.rotation = [0, 1, 2].map(|row| [0, 1, 2].map(|column| rotation[(row, column)]));
+    coil
+}
+
 /// The shipped rig with so many short sections with a magnet each, within so many coils; weightless, since eight magnets would hang
 /// out of the field's range.
 pub fn enlarged(magnets: usize, coils: usize) -> Config {
@@ -187,7 +197,7 @@ pub fn enlarged(magnets: usize, coils: usize) -> Config {
     }
     large.description.gravity = [0.0; 3];
     let bigmag = large.description.coils.clone();
-    large.description.coils = bigmag.into_iter().cycle().take(coils).collect();
+    large.description.coils = (0..coils).map(|index| turned(&bigmag, index)).collect();
     let rod: magsteer::rod::RodConfig = document.section("rod").expect("shipped");
     large.manipulator = Some(rod.build(&large.description).expect("a valid rod"));
     large
