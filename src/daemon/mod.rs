@@ -9,6 +9,7 @@
 //! | `state` | the states with their diagram, requests, answers |
 //! | `supervisor` | decides the state and what the cycle may send |
 //! | `watch` | what is judged in a cycle, and which cause follows from it |
+//! | `trust` | whether driver and sensor can be believed, though what they say is fresh and well formed |
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
 //! | `statistics` | lossless histograms of timing |
@@ -38,6 +39,7 @@ mod supervisor;
 mod supervisor_tests;
 pub mod target;
 mod telemetry;
+mod trust;
 mod view;
 mod watch;
 
@@ -50,4 +52,5 @@ pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop}
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
 pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};
 pub use supervisor::{Decision, Supervisor};
+pub use trust::Astray;
 pub use watch::{DriverView, Observation, Response, response};
