@@ -3,10 +3,13 @@
 use clap::{Parser, Subcommand};
 use magsteer_hal::operator::verb;
 
+#[cfg(feature = "sim")]
+use super::campaign::Campaign;
 use super::check::Check;
 #[cfg(feature = "sim")]
 use super::demo::Demo;
 use super::exit::Exit;
+use super::fault::Fault;
 use super::field::Field;
 use super::operator::RequestArgs;
 use super::output;
@@ -39,6 +42,8 @@ pub enum Command {
     Demo(Demo),
     #[cfg(feature = "sim")]
     SimPlant(SimPlant),
+    #[cfg(feature = "sim")]
+    Campaign(Campaign),
     Run(Run),
     Status(Status),
     Target(Target),
@@ -54,6 +59,7 @@ pub enum Command {
     Reset(RequestArgs),
     /// Cut the amplifiers at once; a hardware stop stays primary.
     Estop(RequestArgs),
+    Fault(Fault),
     Check(Check),
     Field(Field),
     Shape(Shape),
@@ -66,6 +72,8 @@ impl Command {
             Self::Demo(command) => command.run(),
             #[cfg(feature = "sim")]
             Self::SimPlant(command) => command.run(),
+            #[cfg(feature = "sim")]
+            Self::Campaign(command) => command.run(),
             Self::Run(command) => command.run(),
             Self::Status(command) => command.run(),
             Self::Target(command) => command.run(),
@@ -75,6 +83,7 @@ impl Command {
             Self::Stop(request) => request.run(verb::STOP),
             Self::Reset(request) => request.run(verb::RESET),
             Self::Estop(request) => request.run(verb::ESTOP),
+            Self::Fault(command) => command.run(),
             Self::Check(command) => command.run(),
             Self::Field(command) => command.run(),
             Self::Shape(command) => command.run(),

@@ -4,12 +4,15 @@
 //! [`command::Command`]. What is absent: logic that a test would want to call; that lives in the library.
 
 mod actuation;
+#[cfg(feature = "sim")]
+mod campaign;
 mod check;
 mod command;
 #[cfg(feature = "sim")]
 mod demo;
 mod ending;
 mod exit;
+mod fault;
 mod field;
 #[cfg(all(feature = "figures", feature = "sim"))]
 mod figures;
@@ -18,11 +21,15 @@ mod output;
 mod play;
 mod rig_file;
 mod run;
+#[cfg(feature = "sim")]
+mod run_folder;
 #[cfg(all(feature = "figures", feature = "sim"))]
 mod run_pictures;
 mod shape;
 mod shape_answer;
 mod shipped;
+#[cfg(feature = "sim")]
+mod sim_faults;
 #[cfg(feature = "sim")]
 mod sim_plant;
 mod status;

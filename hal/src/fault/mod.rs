@@ -74,7 +74,7 @@ pub use config::{FaultConfig, FaultPlanConfig, VerbName};
 pub use injector::{FaultCounts, Injector};
 pub use kinds::{
     Condition, DELAY_MAX, DELAY_MIN, EpochChange, Fault, FaultRefusal, FaultTarget, FaultVerb, Garbage,
-    PERIOD_MAX, PERIOD_MIN, Part, RATE_MAX, RATE_MIN, Reach, TIME_MAX, verbs_of,
+    PERIOD_MAX, PERIOD_MIN, Part, RATE_MAX, RATE_MIN, Reach, SHORTED_MAX, TIME_MAX, verbs_of,
 };
 pub use plan::{FaultPlan, Scheduled};
 pub use request::{FaultAnswer, FaultRequest, action, refusal_text};
