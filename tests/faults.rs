@@ -5,7 +5,6 @@
 #![cfg(feature = "sim")]
 
 mod fault_support;
-#[expect(dead_code, reason = "shared with the tests that play experiments")]
 mod rig_support;
 
 use fault_support::{Answer, Episode};

@@ -1,9 +1,9 @@
-//! The rod in time: frequencies, energy and damping against theory.
+//! The rod in time: energy and damping against theory.
 
 #[path = "../src/fixture.rs"]
 mod fixture;
 
-use magsteer_hal::description::{ManipulatorDescription, SectionDescription};
+use magsteer_hal::description::ManipulatorDescription;
 use magsteer_sim_plant::field::Field;
 use magsteer_sim_plant::rod::{Meshing, Rod, Stepping};
 use nalgebra::Vector3;
@@ -18,50 +18,6 @@ fn no_field(_: &Vector3<f64>) -> Field {
 
 fn rod(manipulator: &ManipulatorDescription, gravity: [f64; 3]) -> Rod {
     Rod::new(manipulator, gravity, MESHING, Stepping { step: STEP, retardation: 0.0 })
-}
-
-fn plain(section: SectionDescription) -> Rod {
-    rod(&fixture::cantilever(section).manipulator, [0.0; 3])
-}
-
-/// Amplitude at an angular frequency of a signal sampled every [`STEP`], through a Hann window.
-fn spectrum(signal: &[f64], frequency: f64) -> f64 {
-    let count = signal.len() as f64;
-    let (mut real, mut imaginary) = (0.0, 0.0);
-    for (index, value) in signal.iter().enumerate() {
-        let place = index as f64;
-        let window = 1.0 - (2.0 * std::f64::consts::PI * place / count).cos();
-        let (sine, cosine) = (frequency * place * STEP).sin_cos();
-        real += window * value * cosine;
-        imaginary += window * value * sine;
-    }
-    real.hypot(imaginary)
-}
-
-/// The strongest angular frequency within a tenth of `expected`.
-fn peak_near(signal: &[f64], expected: f64) -> f64 {
-    let candidates = (0..=2000).map(|index| expected * (0.9 + 1e-4 * f64::from(index)));
-    candidates.max_by(|a, b| spectrum(signal, *a).total_cmp(&spectrum(signal, *b))).expect("not empty")
-}
-
-#[test]
-fn plain_cantilever_vibrates_at_the_first_two_frequencies_of_the_beam() {
-    let section = fixture::rubber();
-    let scale = (section.bending_stiffness / section.mass_per_length).sqrt() / section.length.powi(2);
-    let mut rod = plain(section);
-    rod.strike(Vector3::new(0.01, 0.0, 0.0));
-    let signal: Vec<f64> = (0..8000)
-        .map(|_| {
-            assert!(rod.step(no_field).converged);
-            rod.tip_pose().position.x
-        })
-        .collect();
-    // Roots of cos(x) cosh(x) = -1, squared.
-    for root in [1.875_104_069_f64, 4.694_091_133] {
-        let expected = root.powi(2) * scale;
-        let found = peak_near(&signal, expected);
-        assert!((found / expected - 1.0).abs() < 0.01, "{found} rad/s instead of {expected}");
-    }
 }
 
 /// Steps a rod and returns the greatest growth of its energy in one step, relative to what was there

@@ -15,6 +15,8 @@ pub struct RodConfig {
     /// Damping ratio of the first mode about rest, 0 to 2. Kelvin-Voigt: that of a faster mode is greater
     /// in proportion to its frequency.
     pub first_mode_damping_ratio: f64,
+    /// Whether magnets that are not rigidly joined feel each other's dipole field.
+    pub magnet_interaction: bool,
 }
 
 impl RodConfig {
@@ -32,6 +34,7 @@ impl RodConfig {
         RodSettings {
             meshing: Meshing { element_length_max: self.element_length_max_mm * 1e-3 },
             first_mode_damping_ratio: self.first_mode_damping_ratio,
+            magnet_interaction: self.magnet_interaction,
         }
     }
 }

@@ -73,16 +73,6 @@ impl Rod {
         }
     }
 
-    fn add_magnets(&mut self) {
-        for (magnet, field) in self.chain.magnets.iter().zip(&self.fields) {
-            let Some(index) = magnet.body else { continue };
-            let rotation = self.motions[index].half.rotation;
-            let wrench = field.wrench(&(rotation * magnet.moment_body));
-            let arm = rotation * Vector3::new(0.0, 0.0, magnet.offset);
-            self.residual[index] += stack(&wrench.force, &(wrench.torque + arm.cross(&wrench.force)));
-        }
-    }
-
     /// `x / 2 + tau / t` of (iv).
     fn rate_share(&self) -> f64 {
         DISSIPATION / 2.0 + self.stepping.retardation / self.stepping.step
@@ -161,7 +151,7 @@ impl EndMap {
     }
 }
 
-fn stack(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
+pub(super) fn stack(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
 }
 

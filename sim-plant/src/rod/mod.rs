@@ -21,6 +21,8 @@
 //!   that energy decays at every frequency (Armero and Romero, CMAME 190, 2001);
 //! - solution (`block_tridiagonal`): a Newton iteration whose factorised tangent is kept over many steps
 //!   and renewed when convergence slows;
+//! - magnets (`magnets`): the coils' field, sampled once a step, and the dipole fields of each other;
+//! - accounts (`energy`): what is stored, what the field has done, and where it went;
 //! - damping (`modes`): Kelvin-Voigt, its time constant found from the first mode about rest.
 //!
 //! Nothing here knows a coil: magnets are told the field in which they are.
@@ -30,10 +32,13 @@ mod block_tridiagonal;
 mod chain;
 mod dynamics;
 mod element;
+mod energy;
+mod magnets;
 mod modes;
 mod motion;
 mod rotation;
 
 pub use chain::{Meshing, Pose};
-pub use dynamics::{Energy, Rod, RodSettings, Solve, Stepping};
+pub use dynamics::{Rod, RodSettings, Solve, Stepping};
+pub use energy::{Energy, EnergyLedger};
 pub use modes::FirstMode;

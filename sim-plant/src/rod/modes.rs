@@ -14,6 +14,7 @@ use nalgebra::{Vector3, Vector6};
 
 use super::dynamics::{Rod, Stepping};
 use super::element::Share;
+use super::energy::EnergyLedger;
 use crate::field::Field;
 
 /// Inverse iterations: the gap to the second pair of modes shrinks errors at least tenfold each.
@@ -73,7 +74,7 @@ impl Rod {
     }
 
     /// Lets the rod come to rest in a field that stays as it is, by strong damping, and returns whether
-    /// it did. Only stable equilibria are found. The stepping is as before afterwards.
+    /// it did. Only stable equilibria are found. The stepping is as before afterwards; the energy ledger starts anew.
     ///
     /// The first mode is damped critically; faster ones creep with the time constant `2 / w1`.
     pub fn settle(&mut self, field: impl Fn(&Vector3<f64>) -> Field) -> bool {
@@ -92,6 +93,7 @@ impl Rod {
         }
         self.halt();
         self.set_stepping(before);
+        self.ledger = EnergyLedger::default();
         rests
     }
 }

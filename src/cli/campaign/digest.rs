@@ -26,7 +26,8 @@ impl RunDigest {
         }
     }
 
-    /// Takes one cycle: the order and what was admitted, in the entries in use, and the true pose of each magnet.
+    /// Takes one cycle: the order and what was admitted, in the entries in use, and the true pose of each
+    /// magnet.
     pub fn take(&mut self, record: &CycleRecord, truth: &PoseMessage) {
         self.bytes.clear();
         self.bytes.extend(record.order.map_or(u32::MAX, |order| order).to_le_bytes());

@@ -1,9 +1,12 @@
 //! `magsteer campaign`: many simulated plants, drawn at random, play one experiment in lockstep on all cores.
 //!
-//! **Problem.** One demonstration shows one plant. What share of the plants that a rig might turn out to be does the controller steer, how fast, how exactly, and which not?
+//! **Problem.** One demonstration shows one plant. What share of the plants that a rig might turn out to be
+//! does the controller steer, how fast, how exactly, and which not?
 //!
-//! **Terms.** A *campaign* is a configuration, an experiment and a seed. A *run* is one drawn plant playing the experiment; its number and the campaign's seed
-//! give its seed, and that gives everything else ([`magsteer::config::CampaignConfig`] states the rule). Its *digest* stands for every bit that it commanded and did.
+//! **Terms.** A *campaign* is a configuration, an experiment and a seed. A *run* is one drawn plant playing
+//! the experiment; its number and the campaign's seed give its seed, and that gives everything else
+//! ([`magsteer::config::CampaignConfig`] states the rule). Its *digest* stands for every bit that it
+//! commanded and did.
 //!
 //! | file | does |
 //! |---|---|

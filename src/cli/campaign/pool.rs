@@ -1,7 +1,7 @@
 //! All runs of a campaign over all cores.
 //!
-//! Runs are begun in their order, one a thread, and share nothing that changes; so neither their number of threads nor their order is seen in a result. Rows come
-//! back to one thread, which alone writes.
+//! Runs are begun in their order, one a thread, and share nothing that changes; so neither their number of
+//! threads nor their order is seen in a result. Rows come back to one thread, which alone writes.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -23,7 +23,8 @@ pub struct Done {
     pub took: Duration,
 }
 
-/// Plays runs on so many threads and hands each to `take` as it finishes. Ends early when `stop` is set, without the runs under way, and at the first error.
+/// Plays runs on so many threads and hands each to `take` as it finishes. Ends early when `stop` is set,
+/// without the runs under way, and at the first error.
 ///
 /// # Errors
 /// The first of: a thread that cannot be started, a run that failed, what `take` returned.

@@ -1,7 +1,9 @@
 //! What the runs of a campaign say together.
 //!
-//! Intervals are 95 % intervals of what the distributions of the configuration would give in infinitely many runs: Wilson's for shares, of order statistics for quantiles.
-//! They are given for what runs have one of each. The steps of one run share a plant and so are no independent sample: their quantiles stand without intervals.
+//! Intervals are 95 % intervals of what the distributions of the configuration would give in infinitely many
+//! runs: Wilson's for shares, of order statistics for quantiles. They are given for what runs have one of
+//! each. The steps of one run share a plant and so are no independent sample: their quantiles stand without
+//! intervals.
 
 use std::time::Duration;
 
@@ -174,7 +176,8 @@ impl Summary {
         }
     }
 
-    /// True when there is nothing to be ashamed of: runs, no broken limit, no unstable run. That a run did not settle is a result, not a failure.
+    /// True when there is nothing to be ashamed of: runs, no broken limit, no unstable run. That a run did
+    /// not settle is a result, not a failure.
     pub fn is_sound(&self) -> bool {
         self.runs > 0 && self.limit_breaks == 0 && self.unstable == 0
     }
