@@ -1,7 +1,7 @@
 //! Every fault verb on every target: the plant does it, and the daemon answers.
 //!
-//! In lockstep with the real controller against the shipped planar rig, so that all times are simulated ones. The loop steers between two
-//! pairs of angles, half a second each, when the fault begins.
+//! In lockstep with the real controller against the shipped planar rig, so that all times are simulated ones.
+//! The loop steers between two pairs of angles, half a second each, when the fault begins.
 #![cfg(feature = "sim")]
 
 mod fault_support;
@@ -69,8 +69,8 @@ fn poses_of_one_magnet_that_go_wrong_condemn_the_message() {
     );
 }
 
-/// Goal: poses that pass every check at receipt, but are not true. A frozen sensor at rest harms nothing; once the rod has been moved, the
-/// model knows better.
+/// Goal: poses that pass every check at receipt, but are not true. A frozen sensor at rest harms nothing;
+/// once the rod has been moved, the model knows better.
 #[test]
 fn poses_that_could_be_true_and_are_not_are_found_out_by_the_model() {
     // Two steps of half a second each until the model is 30 degrees away.
@@ -206,7 +206,8 @@ fn feedback_lost_for_less_than_its_limit_is_ridden_through() {
     );
 }
 
-/// Goal: what amplifiers do is measured. The driver's own watch comes first, and cuts; the daemon tells of it.
+/// Goal: what amplifiers do is measured. The driver's own watch comes first, and cuts; the daemon tells of
+/// it.
 #[test]
 fn actuators_that_do_not_obey_are_cut_by_the_drivers_own_watch() {
     let cut = |after: f64| stops(Cause::DriverFault, after + DRIVER_FOLLOW);
@@ -236,7 +237,8 @@ fn actuators_that_lag_a_little_are_ridden_through() {
     );
 }
 
-/// Goal: commands that the driver's guard refuses end authority; the driver ramps down alone, and the daemon sees it.
+/// Goal: commands that the driver's guard refuses end authority; the driver ramps down alone, and the daemon
+/// sees it.
 #[test]
 fn commands_that_go_wrong_are_refused_and_end_authority() {
     let lost = stops(Cause::AuthorityLost, COMMAND_VALIDITY);

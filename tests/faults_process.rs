@@ -42,8 +42,8 @@ fn insist(world: &World, arguments: &[&str]) -> Value {
     until(answered, || format!("{arguments:?} is not answered"))
 }
 
-/// Goal: after a fault on command the daemon stops and latches its cause; a reset is refused until the fault is cleared, and then the
-/// loop steers again. The driver tells of the fault and counts it.
+/// Goal: after a fault on command the daemon stops and latches its cause; a reset is refused until the fault
+/// is cleared, and then the loop steers again. The driver tells of the fault and counts it.
 #[test]
 fn poses_switched_off_on_command_stop_the_loop_until_cleared_and_reset() {
     let world = World::new();

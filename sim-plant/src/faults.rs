@@ -1,4 +1,5 @@
-//! Faults by script that befall the plant itself: from what the contract calls them to what is wrong with a coil or a frame.
+//! Faults by script that befall the plant itself: from what the contract calls them to what is wrong with a
+//! coil or a frame.
 
 use magsteer_hal::fault::{Condition, ConditionChange, Part};
 
@@ -6,8 +7,8 @@ use crate::actuation::{CoilCondition, FrameCondition, Held};
 use crate::plant::Plant;
 
 impl Plant {
-    /// Takes a physical condition on, or loses it. False, and nothing done, when there is no such part or it cannot be in
-    /// that condition; faults are checked against the rig when they are made.
+    /// Takes a physical condition on, or loses it. False, and nothing done, when there is no such part or it
+    /// cannot be in that condition; faults are checked against the rig when they are made.
     pub fn take_on(&mut self, change: &ConditionChange) -> bool {
         match (change.part, change.condition) {
             (Part::Coil(coil), None) => self.set_coil_condition(coil, CoilCondition::Healthy),

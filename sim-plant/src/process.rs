@@ -64,8 +64,8 @@ struct Loop<'a> {
     messages_unsent: u64,
 }
 
-/// Runs the plant in real time until `stop` is set and the coils are at zero. Begins and ends of faults are handed to `tell`,
-/// which must not wait.
+/// Runs the plant in real time until `stop` is set and the coils are at zero. Begins and ends of faults are
+/// handed to `tell`, which must not wait.
 pub fn run(
     plant: &mut Plant,
     config: &RealTimeConfig,

@@ -22,9 +22,9 @@ const DRIVER_WAIT: Duration = Duration::from_millis(500);
 
 /// Make the driver of a rig go wrong, to see the daemon answer.
 ///
-/// The driver must have been started to allow it (`sim-plant --allow-faults`). Faults of real amplifiers stay within the
-/// rig's limits, and a cut always passes. Ends with 0 when it was done, with 1 when the driver refused, with 69 when there is no
-/// driver, with 77 when it does not allow faults.
+/// The driver must have been started to allow it (`sim-plant --allow-faults`). Faults of real amplifiers stay
+/// within the rig's limits, and a cut always passes. Ends with 0 when it was done, with 1 when the driver
+/// refused, with 69 when there is no driver, with 77 when it does not allow faults.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Verbs of poses, feedback and actuators: off, stuck, garbage, slow, delayed, intermittent, repeated, backward,\n\

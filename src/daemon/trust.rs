@@ -132,7 +132,8 @@ impl Trust {
         self.astray = self.astray.min(self.limits.following_stop + most);
     }
 
-    /// Remembers who granted authority and who measured then. What went astray before is no concern of the new holder.
+    /// Remembers who granted authority and who measured then. What went astray before is no concern of the
+    /// new holder.
     pub(super) fn note_grant(&mut self, seen: &Observation) {
         self.astray = Duration::ZERO;
         self.granted = Some(Lives { driver: seen.driver.map(|driver| driver.life), sensor: seen.pose_life });

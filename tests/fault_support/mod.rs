@@ -31,7 +31,8 @@ const TARGET_TIME: f64 = 0.5;
 pub enum Answer {
     /// It goes on; `holds` when it holds in between for want of poses.
     SteersOn { holds: bool },
-    /// It stops for `cause` with all coils at zero within a time, s, from the fault's begin, and latches a fault.
+    /// It stops for `cause` with all coils at zero within a time, s, from the fault's begin, and latches a
+    /// fault.
     Stops { cause: Cause, latched: Cause, zero_after: f64 },
 }
 
@@ -133,7 +134,8 @@ impl Episode {
             let cause = decision.transition.and_then(|transition| transition.cause);
             self.entered.push(Entered { at, state: decision.state, cause });
         }
-        // Garbage never gets past the receiver: what the controller is given is finite and near the workspace.
+        // Garbage never gets past the receiver: what the controller is given is finite and near the
+        // workspace.
         for magnet in record.input.pose.iter().flat_map(|pose| pose.magnets) {
             assert!(magnet.position_m.iter().all(|value| value.abs() < 0.12), "{}", self.what);
             assert!(magnet.orientation_xyzw.iter().all(|value| value.abs() <= 1.0), "{}", self.what);

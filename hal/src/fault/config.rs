@@ -144,7 +144,8 @@ impl FaultConfig {
         }
     }
 
-    /// The fault with its times, when everything fits; else `checks` has why not, under keys that start with `key`.
+    /// The fault with its times, when everything fits; else `checks` has why not, under keys that start with
+    /// `key`.
     pub fn build(
         &self,
         key: &str,
