@@ -58,8 +58,8 @@ impl PlantFaults {
         self.slots.push(scheduled)
     }
 
-    /// The next difference between what acts and what the plant was told; of several faults of one part the one given
-    /// last counts.
+    /// The next difference between what acts and what the plant was told; of several faults of one part the
+    /// one given last counts.
     pub(super) fn next_change(&mut self, now: Duration, events: &mut Events) -> Option<ConditionChange> {
         self.slots.update(now, events);
         let mut acting = Conditions::SOUND;

@@ -73,7 +73,7 @@ pub struct FaultConfig {
     pub off_fraction: Option<f64>,
     /// How `wrong-epoch` is wrong: `other` or `every-message`.
     pub epoch: Option<EpochChange>,
-    /// Share of the turns that are `shorted`, above 0 and below 1.
+    /// Share of the turns that are `shorted`, above 0, at most 0.9.
     pub turns_fraction: Option<f64>,
 }
 
@@ -144,7 +144,8 @@ impl FaultConfig {
         }
     }
 
-    /// The fault with its times, when everything fits; else `checks` has why not, under keys that start with `key`.
+    /// The fault with its times, when everything fits; else `checks` has why not, under keys that start with
+    /// `key`.
     pub fn build(
         &self,
         key: &str,

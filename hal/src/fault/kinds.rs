@@ -20,6 +20,8 @@ pub const RATE_MAX: f64 = 1_000.0;
 pub const PERIOD_MIN: Duration = Duration::from_millis(2);
 /// Longest period of an intermittent fault.
 pub const PERIOD_MAX: Duration = Duration::from_secs(60);
+/// Largest share of a coil's turns that may be shorted: beyond it little is left of a coil.
+pub const SHORTED_MAX: f64 = 0.9;
 /// Longest time before a fault begins, and that it lasts: a week.
 pub const TIME_MAX: Duration = Duration::from_secs(7 * 24 * 3600);
 
@@ -81,7 +83,7 @@ pub enum Condition {
     Open,
     /// A part of the coil's turns is shorted.
     Shorted {
-        /// Share of the turns, above 0 and below 1.
+        /// Share of the turns, above 0, at most 0.9.
         fraction: f64,
     },
     /// The amplifier goes on with the voltage of this moment and obeys nobody.
@@ -362,7 +364,8 @@ impl FaultVerb {
                 within(share(off_fraction), "off_fraction", off_fraction, "above 0 and below 1")
             }
             Self::Physical(Condition::Shorted { fraction }) => {
-                within(share(fraction), "turns_fraction", fraction, "above 0 and below 1")
+                let holds = fraction > 0.0 && fraction <= SHORTED_MAX;
+                within(holds, "turns_fraction", fraction, "above 0, at most 0.9")
             }
             _ => Ok(()),
         }

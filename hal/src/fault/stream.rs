@@ -1,8 +1,9 @@
 //! Faults of published messages: poses or feedback.
 //!
-//! A message passes three stages: *flow* decides whether and when one goes out (off, intermittent, slow, delayed),
-//! *content* what is in it (stuck, garbage, and whatever befalls a single part), *header* what stands over it
-//! (repeated, backward, epoch, version). Within a stage faults act in the order in which they were given.
+//! A message passes three stages: *flow* decides whether and when one goes out (off, intermittent, slow,
+//! delayed), *content* what is in it (stuck, garbage, and whatever befalls a single part), *header* what
+//! stands over it (repeated, backward, epoch, version). Within a stage faults act in the order in which they
+//! were given.
 
 use std::time::Duration;
 
