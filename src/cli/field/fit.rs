@@ -45,8 +45,8 @@ pub struct Fit {
     /// Angle of each frame while an array was measured, deg, in the order of the configuration; all zero when left out.
     #[arg(long, value_name = "DEG,DEG,...", value_delimiter = ',', allow_hyphen_values = true, value_parser = finite)]
     angles_deg: Option<Vec<f64>>,
-    /// Number of terms, 1 to 10, or auto: the lowest that foretells left-out readings as well as the best one, to one
-    /// standard error.
+    /// Number of terms, 1 to 10, or auto: the lowest that foretells left-out readings as well as the best one, to two
+    /// standard errors.
     #[arg(long, value_name = "N|auto", default_value = "auto")]
     order: Order,
     /// Also fit where on its axis each expansion point is.

@@ -5,12 +5,12 @@
 
 use anyhow::anyhow;
 use kuva::backend::png::PngBackend;
-use kuva::plot::{LegendEntry, LegendShape, LinePlot, ScatterPlot};
-use kuva::render::annotations::ReferenceLine;
+use kuva::plot::{LegendEntry, LegendPosition, LegendShape, LinePlot, ScatterPlot};
+use kuva::render::annotations::{ReferenceLine, TextAnnotation};
 use kuva::render::figure::{Figure, FigureLegendPosition};
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
-use magsteer::magnetics::fit::{FieldFit, OrderReport, Reading};
+use magsteer::magnetics::fit::{CoilFit, FieldFit, OrderReport, Reading};
 use nalgebra::Vector3;
 
 use super::fit::Subject;
@@ -25,7 +25,9 @@ const SCALE: f32 = 2.0;
 /// Readings that make a line.
 const LINE_MIN: usize = 5;
 /// Points of a model's curve.
-const CURVE_POINTS: usize = 121;
+const CURVE_POINTS: usize = 161;
+/// Points of a dash and of the gap after it: the library starts its own dashes anew at every point.
+const DASH: (usize, usize) = (4, 2);
 
 /// Draws the fit; returns the bytes of a PNG.
 ///
@@ -36,7 +38,7 @@ pub(super) fn draw(subject: &Subject, found: &FieldFit) -> anyhow::Result<Vec<u8
     let (Some(chosen), Some(dipole)) = (order(found.order), order(1).or_else(|| found.orders.first())) else {
         return Err(anyhow!("no order to draw"));
     };
-    let fits = Fits { subject, dipole, chosen };
+    let fits = Fits { subject, coils: &found.coils, dipole, chosen };
     let mut panels = match Grid::of(subject) {
         Some(grid) => vec![fits.across(&grid, 0), fits.across(&grid, 1), fits.along(&grid)],
         None => vec![fits.parity(0), fits.parity(1), fits.parity(2)],
@@ -113,6 +115,7 @@ fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
 
 struct Fits<'a> {
     subject: &'a Subject,
+    coils: &'a [CoilFit],
     dipole: &'a OrderReport,
     chosen: &'a OrderReport,
 }
@@ -121,6 +124,8 @@ impl Fits<'_> {
     /// A field component (0 for x, 1 for y) against y, in each plane.
     fn across(&self, grid: &Grid, component: usize) -> Panel {
         let mut plots = Vec::new();
+        let mut labels = Vec::new();
+        let mut all = (0.0, 0.0);
         for plane in &grid.planes {
             let readings = || {
                 let readings = self.subject.readings.readings.iter();
@@ -129,16 +134,25 @@ impl Fits<'_> {
             };
             let range = ends(readings().map(|reading| reading.position.y));
             let at = |y: f64| Vector3::new(*plane, y, grid.z);
+            all = (range.0.min(all.0), range.1.max(all.1));
+            let end = self.field(self.chosen, at(range.1), grid.current)[component] * 1e3;
+            labels.push((format!("{:.0} mm", plane * 1e3), range.1 * 1e3, end));
             self.model(&mut plots, range, grid.current, component, &at);
             plots.push(measured(readings(), grid.current, |reading| reading.position.y, component));
         }
-        let planes: Vec<String> = grid.planes.iter().map(|plane| format!("{:.0}", plane * 1e3)).collect();
         let name = ["Bx", "By", "Bz"][component];
-        let layout = Layout::auto_from_plots(&plots)
-            .with_title(format!("{name} across the axis at x = {} mm", planes.join(", ")))
+        let (least, most) = (all.0 * 1e3, all.1 * 1e3);
+        let mut layout = Layout::auto_from_plots(&plots)
+            .with_title(format!("{name} across the axis, by distance from the coil"))
             .with_title_size(14)
             .with_x_label("y (mm)")
-            .with_y_label(format!("{name} at {} A (mT)", grid.current));
+            .with_y_label(format!("{name} at {} A (mT)", grid.current))
+            .with_x_axis_min(least - 0.05 * (most - least))
+            .with_x_axis_max(most + 0.2 * (most - least));
+        for (text, x, y) in labels {
+            let beside = x + 0.1 * (most - least);
+            layout = layout.with_annotation(TextAnnotation::new(text, beside, y).with_font_size(11));
+        }
         (plots, layout)
     }
 
@@ -149,18 +163,22 @@ impl Fits<'_> {
         let y = distinct(in_plane().map(|reading| reading.position.y)).first().copied().unwrap_or(0.0);
         let on_line = || in_plane().filter(move |reading| same(reading.position.y, y));
         let (nearest, furthest) = ends(on_line().map(|reading| reading.position.x));
-        let from = nearest - 0.015_f64.min(nearest / 2.0);
+        let from_x = nearest - 0.015_f64.min(nearest / 2.0);
         let mut plots = Vec::new();
-        self.model(&mut plots, (from, furthest), grid.current, 0, &|x| Vector3::new(x, y, grid.z));
+        self.model(&mut plots, (from_x, furthest), grid.current, 0, &|x| Vector3::new(x, y, grid.z));
         plots.push(measured(on_line(), grid.current, |reading| reading.position.x, 0));
-        let layout = Layout::auto_from_plots(&plots)
-            .with_title(format!(
-                "Bx along the axis, from {:.0} mm before the first reading",
-                (nearest - from) * 1e3
-            ))
+        let mut layout = Layout::auto_from_plots(&plots)
+            .with_title("Bx along the axis")
             .with_title_size(14)
             .with_x_label("x (mm)")
             .with_y_label(format!("Bx at {} A (mT)", grid.current));
+        if let [coil] = self.coils {
+            let from = (coil.origin + coil.range.from_x) * 1e3;
+            let line = ReferenceLine::vertical(from).with_color("#999999");
+            let height = 0.9 * self.field(self.dipole, Vector3::new(from_x, y, grid.z), grid.current).x * 1e3;
+            let label = TextAnnotation::new(format!("valid from {from:.1} mm"), from + 22.0, height);
+            layout = layout.with_reference_line(line).with_annotation(label.with_font_size(11));
+        }
         (plots, layout)
     }
 
@@ -176,21 +194,23 @@ impl Fits<'_> {
         let curve = |report: &OrderReport| -> Vec<(f64, f64)> {
             let point = |index: usize| {
                 let along = from + (to - from) * index as f64 / (CURVE_POINTS - 1) as f64;
-                let reading = Reading {
-                    line: 0,
-                    position: at(along),
-                    currents: vec![current],
-                    field: Vector3::zeros(),
-                };
-                (along * 1e3, report.field(&self.subject.poses, &reading)[component] * 1e3)
+                (along * 1e3, self.field(report, at(along), current)[component] * 1e3)
             };
             (0..CURVE_POINTS).map(point).collect()
         };
-        let line = |report, color: &str| {
-            LinePlot::new().with_data(curve(report)).with_color(color).with_stroke_width(1.4)
+        let line = |points: &[(f64, f64)], color: &str| -> Plot {
+            LinePlot::new().with_data(points.to_vec()).with_color(color).with_stroke_width(1.4).into()
         };
-        plots.push(line(self.dipole, DIPOLE).with_dashed().into());
-        plots.push(line(self.chosen, CHOSEN).into());
+        let dashed = curve(self.dipole);
+        let dashes = dashed.chunks(DASH.0 + DASH.1).map(|chunk| &chunk[..chunk.len().min(DASH.0 + 1)]);
+        plots.extend(dashes.map(|dash| line(dash, DIPOLE)));
+        plots.push(line(&curve(self.chosen), CHOSEN));
+    }
+
+    /// Field of the one coil, T.
+    fn field(&self, report: &OrderReport, position: Vector3<f64>, current: f64) -> Vector3<f64> {
+        let reading = Reading { line: 0, position, currents: vec![current], field: Vector3::zeros() };
+        report.field(&self.subject.poses, &reading)
     }
 
     /// Modelled against measured, of one component.
@@ -252,11 +272,16 @@ fn errors(found: &FieldFit) -> Panel {
     };
     let mut plots: Vec<Plot> = vec![
         line(curve(&|report| Some(report.rms_norm)), MEASURED, "all readings").into(),
-        line(curve(&|report| report.holdout_rms_norm), CHOSEN, "left out: folds").with_dashed().into(),
+        ScatterPlot::new()
+            .with_data(curve(&|report| report.holdout_rms_norm))
+            .with_color(CHOSEN)
+            .with_size(3.5)
+            .with_legend("left out: folds")
+            .into(),
     ];
     if let Some(region) = found.regions.first() {
         let points = curve(&|report| report.region_rms_norms.first().copied().flatten());
-        plots.push(line(points, OTHER, &format!("left out: {}", region.name)).with_dotted().into());
+        plots.push(line(points, OTHER, &format!("left out: {}", region.name)).into());
     }
     let layout = Layout::auto_from_plots(&plots)
         .with_title("error of each order")
@@ -265,6 +290,9 @@ fn errors(found: &FieldFit) -> Panel {
         .with_y_label("RMS norm (mT)")
         .with_log_y()
         .with_x_tick_step(1.0)
+        .with_x_axis_min(0.0)
+        .with_x_axis_max(11.0)
+        .with_legend_position(LegendPosition::InsideBottomCenter)
         .with_reference_line(ReferenceLine::vertical(found.order as f64).with_color("#999999"));
     (plots, layout)
 }

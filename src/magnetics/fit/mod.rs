@@ -24,8 +24,9 @@
 //! - `scan`: every order with hold-out, by interleaved folds and by regions; the choice of the order.
 //! - `range`: how near to the coil the series may be used.
 //!
-//! **Source.** Richter, Venkiteswaran, Misra, IEEE RA-L 6(2), 2021, eqs. (4)-(5) and Fig. 3; orders are chosen by the one-standard-error
-//! rule (Hastie, Tibshirani, Friedman: The Elements of Statistical Learning, 2nd ed., section 7.10).
+//! **Source.** Richter, Venkiteswaran, Misra, IEEE RA-L 6(2), 2021, eqs. (4)-(5) and Fig. 3; the choice of the order follows the
+//! one-standard-error rule (Hastie, Tibshirani, Friedman: The Elements of Statistical Learning, 2nd ed., section 7.10), with paired
+//! differences and two standard errors.
 //!
 //! What is absent: files, and a field of the surroundings; a probe is taken to have been set to zero without currents.
 

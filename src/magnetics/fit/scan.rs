@@ -6,9 +6,10 @@
 //!   that folds tell noise from signal, not how far the series carries.
 //! - *Regions*: the readings nearest to the coil, those furthest, those off the plane of the rest, or those of an array's outer shell, are foretold
 //!   from all others. They tell how far the series carries; they are reported and do not choose.
-//! - *Choice*: the lowest order whose mean square over the folds exceeds that of the best by no more than one standard error of the
-//!   difference, taken fold by fold: noise that is in both does not count. Higher orders fit noise, and it is high orders that go
-//!   wrong first outside the measured volume. Differences below a millionth of the field are rounding.
+//! - *Choice*: the lowest order whose mean squares exceed those of the best, fold by fold, by no more than two standard errors of
+//!   their ratio's mean logarithm. Noise that is in both does not count; ratios, since a series that is too short goes wrong in few
+//!   places, by much; two errors, since the best of ten is the best by luck in part. Higher orders fit noise, and it is high
+//!   orders that go wrong first outside the measured volume. What is below a millionth of the field is rounding.
 //! - Where origins are fitted, they are settled for each order by all readings, and left free to first order in each fold.
 
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -27,10 +28,12 @@ use super::triangle::Triangle;
 const FOLDS: usize = 10;
 /// Share of the measured depth that makes a region.
 const REGION_SHARE: f64 = 0.15;
-/// Mean squares closer than this to each other, relative to that of the field, are alike.
+/// Mean squares below this, relative to that of the field, are rounding.
 const SQUARE_ROUNDING: f64 = 1e-12;
 /// Orders past the chosen one that the range of validity is judged by: one alone may err alike.
 const NEXT_ORDERS: usize = 3;
+/// Standard errors by which an order may be worse than the best and still count as good.
+const ERRORS_MAX: f64 = 2.0;
 /// An origin with a larger standard deviation is not known, m.
 const ORIGIN_DEVIATION_MAX: f64 = 0.01;
 
@@ -195,7 +198,7 @@ pub fn fit(poses: &[CoilPose], readings: &[Reading], request: &FitRequest) -> Re
                 let few = FitError::too_few(2, readings, arrangement.unknowns(2), FOLDS);
                 return Err(why_not(1).or_else(|| why_not(2)).unwrap_or(few));
             }
-            arrangement.lowest_within_one_error(&candidates)
+            arrangement.lowest_as_good_as_best(&candidates)
         }
         OrderChoice::Exactly(order) => {
             assert!((1..=ORDER_MAX).contains(&order), "order {order}: must be 1 to {ORDER_MAX}");
@@ -322,8 +325,8 @@ impl<'a> Arrangement<'a> {
         report.rms = [0, 1, 2].map(|i| (squares[i] / self.readings.len() as f64).sqrt());
     }
 
-    /// Index of the lowest order that is not worse than the best by more than the standard error of their difference.
-    fn lowest_within_one_error(&self, candidates: &[Candidate]) -> usize {
+    /// Index of the lowest order that is as good as the best, within the standard error of their difference.
+    fn lowest_as_good_as_best(&self, candidates: &[Candidate]) -> usize {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let compared = || {
             let pairs = candidates.iter().map(|candidate| &candidate.fold_squares).enumerate();
@@ -335,10 +338,11 @@ impl<'a> Arrangement<'a> {
         let field = self.readings.iter().map(|reading| reading.field.norm_squared());
         let rounding = SQUARE_ROUNDING * field.sum::<f64>() / self.readings.len() as f64;
         let is_as_good = |squares: &[f64]| {
-            let worse: Vec<f64> = squares.iter().zip(least).map(|(square, least)| square - least).collect();
-            let (by, folds) = (mean(&worse), worse.len() as f64);
-            let spread: f64 = worse.iter().map(|worse| (worse - by).powi(2)).sum();
-            by <= (spread / (folds - 1.0) / folds).sqrt().max(rounding)
+            let ratio = |(square, least): (&f64, &f64)| ((square + rounding) / (least + rounding)).ln();
+            let ratios: Vec<f64> = squares.iter().zip(least).map(ratio).collect();
+            let (by, folds) = (mean(&ratios), ratios.len() as f64);
+            let spread: f64 = ratios.iter().map(|ratio| (ratio - by).powi(2)).sum();
+            by <= ERRORS_MAX * (spread / (folds - 1.0) / folds).sqrt()
         };
         compared().find(|(_, squares)| is_as_good(squares)).map_or(best, |(index, _)| index)
     }
