@@ -1,4 +1,5 @@
-//! What the tests of the field's fit share: a coil as a sum of current loops, which knows nothing of multipoles.
+//! What the tests of the field's fit share: a coil as a sum of current loops, which knows nothing of
+//! multipoles.
 
 use std::f64::consts::PI;
 
@@ -34,8 +35,9 @@ pub fn elliptic(m: f64) -> (f64, f64) {
     (k, k * (1.0 - sum))
 }
 
-/// Field (along the axis, away from it), T, of a loop of radius `a` with 1 A at `x` along its axis and `rho` off it
-/// (Jackson, Classical Electrodynamics, section 5.5, in the form of Simpson et al., NASA/TM-2013-217919).
+/// Field (along the axis, away from it), T, of a loop of radius `a` with 1 A at `x` along its axis and `rho`
+/// off it (Jackson, Classical Electrodynamics, section 5.5, in the form of Simpson et al.,
+/// NASA/TM-2013-217919).
 fn current_loop(a: f64, x: f64, rho: f64) -> (f64, f64) {
     let alpha2 = a * a + rho * rho + x * x - 2.0 * a * rho;
     let beta2 = a * a + rho * rho + x * x + 2.0 * a * rho;
@@ -51,7 +53,8 @@ fn current_loop(a: f64, x: f64, rho: f64) -> (f64, f64) {
     (along, off)
 }
 
-/// The winding of `reference/coil_grid.csv`: radii 24 to 46 mm, length 50 mm, 1700 turns, face at x = 0; field for 1 A, T, by 22 x 50 loops.
+/// The winding of `reference/coil_grid.csv`: radii 24 to 46 mm, length 50 mm, 1700 turns, face at x = 0;
+/// field for 1 A, T, by 22 x 50 loops.
 pub fn winding(point: &Vector3<f64>) -> Vector3<f64> {
     const LAYERS: usize = 22;
     const SLICES: usize = 50;

@@ -25,10 +25,10 @@ use crate::cli::output;
 
 /// Coefficients of the coils' field from measurements.
 ///
-/// Reads one coil's grid (header x_mm,y_mm,z_mm,current_a,bx_mt,by_mt,bz_mt; the coil's frame: x along its axis, its face at 0)
-/// or the calibration of an array (px,py,pz,i0,...,iN,bx,by,bz; m, A, T; world; coils in the order of `--config`).
-/// All orders from 1 to 10 are fitted and held against readings that were left out. Ends with 0; 65 when the data are
-/// refused, with line, column, value and what would be right.
+/// Reads one coil's grid (header x_mm,y_mm,z_mm,current_a,bx_mt,by_mt,bz_mt; the coil's frame: x along its
+/// axis, its face at 0) or the calibration of an array (px,py,pz,i0,...,iN,bx,by,bz; m, A, T; world; coils in
+/// the order of `--config`). All orders from 1 to 10 are fitted and held against readings that were left out.
+/// Ends with 0; 65 when the data are refused, with line, column, value and what would be right.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  magsteer field fit tests/reference/coil_grid.csv\n  \
     magsteer field fit grid.csv --config config/bigmag-planar.toml --coil-type air --out my-rig.toml --picture fit.png\n  \
@@ -42,11 +42,12 @@ pub struct Fit {
     /// Rig whose coils were measured. An array's file needs it; for one coil it says what `--out` extends.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Angle of each frame while an array was measured, deg, in the order of the configuration; all zero when left out.
+    /// Angle of each frame while an array was measured, deg, in the order of the configuration; all zero when
+    /// left out.
     #[arg(long, value_name = "DEG,DEG,...", value_delimiter = ',', allow_hyphen_values = true, value_parser = finite)]
     angles_deg: Option<Vec<f64>>,
-    /// Number of terms, 1 to 10, or auto: the lowest that foretells left-out readings as well as the best one, to two
-    /// standard errors.
+    /// Number of terms, 1 to 10, or auto: the lowest that foretells left-out readings as well as the best
+    /// one, to two standard errors.
     #[arg(long, value_name = "N|auto", default_value = "auto")]
     order: Order,
     /// Also fit where on its axis each expansion point is.

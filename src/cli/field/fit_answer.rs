@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::fit::Subject;
 
-/// The stable keys are `order`, `coefficients`, `origin_m`, `rms_norm_mt` and `orders` with `order`, `rms_norm_mt` and
-/// `holdout_rms_norm_mt`.
+/// The stable keys are `order`, `coefficients`, `origin_m`, `rms_norm_mt` and `orders` with `order`,
+/// `rms_norm_mt` and `holdout_rms_norm_mt`.
 #[derive(Serialize)]
 pub(super) struct Answer {
     order: usize,

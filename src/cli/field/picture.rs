@@ -1,11 +1,12 @@
 //! The fit as a picture: the paper's Fig. 3, dipole against multipole, and the error of each order.
 //!
-//! A grid of one coil is drawn along its lines: field components against y in three planes and along the axis, and the residuals in
-//! the nearest plane. Anything else is drawn as modelled against measured components.
+//! A grid of one coil is drawn along its lines: field components against y in three planes, and along the
+//! axis towards the coil, where series go wrong. Anything else is drawn as modelled against measured
+//! components.
 
 use anyhow::anyhow;
 use kuva::backend::png::PngBackend;
-use kuva::plot::{LegendEntry, LegendPosition, LegendShape, LinePlot, ScatterPlot};
+use kuva::plot::{LegendEntry, LegendShape, LinePlot, ScatterPlot};
 use kuva::render::annotations::{ReferenceLine, TextAnnotation};
 use kuva::render::figure::{Figure, FigureLegendPosition};
 use kuva::render::layout::Layout;
@@ -19,7 +20,9 @@ use super::fit::Subject;
 const MEASURED: &str = "#000000";
 const DIPOLE: &str = "#D55E00";
 const CHOSEN: &str = "#0072B2";
-const OTHER: &str = "#009E73";
+const FITTED: &str = "#999999";
+const FOLDS: &str = "#CC79A7";
+const REGION: &str = "#009E73";
 /// Pixels per unit of the layout: sharp at a journal's column width.
 const SCALE: f32 = 2.0;
 /// Readings that make a line.
@@ -39,33 +42,46 @@ pub(super) fn draw(subject: &Subject, found: &FieldFit) -> anyhow::Result<Vec<u8
         return Err(anyhow!("no order to draw"));
     };
     let fits = Fits { subject, coils: &found.coils, dipole, chosen };
-    let mut panels = match Grid::of(subject) {
-        Some(grid) => vec![fits.across(&grid, 0), fits.across(&grid, 1), fits.along(&grid)],
+    let grid = Grid::of(subject);
+    let mut panels = match &grid {
+        Some(grid) => vec![fits.across(grid, 0), fits.across(grid, 1), fits.along(grid)],
         None => vec![fits.parity(0), fits.parity(1), fits.parity(2)],
     };
     panels.push(errors(found));
     let (plots, layouts): (Vec<_>, Vec<_>) = panels.into_iter().unzip();
-    let entry = |label: String, color: &str, shape, dasharray: Option<&str>| LegendEntry {
-        label,
-        color: color.to_owned(),
-        shape,
-        dasharray: dasharray.map(str::to_owned),
-    };
-    let legend = vec![
-        entry("measured".to_owned(), MEASURED, LegendShape::Circle, None),
-        entry(format!("dipole (P = {})", dipole.order), DIPOLE, LegendShape::Line, Some("6 4")),
-        entry(format!("multipole (P = {})", chosen.order), CHOSEN, LegendShape::Line, None),
-    ];
     let figure = Figure::new(2, 2)
         .with_plots(plots)
         .with_layouts(layouts)
         .with_cell_size(480.0, 360.0)
         .with_padding(30.0)
-        .with_shared_legend_entries(legend)
-        .with_shared_legend_position(FigureLegendPosition::BottomCenter)
-        .with_keep_panel_legends();
+        .with_shared_legend_entries(legend(&fits, found, grid.is_some()))
+        .with_shared_legend_position(FigureLegendPosition::BottomCenter);
     let picture = PngBackend::new().with_scale(SCALE).render_scene(&figure.render());
     picture.map_err(|reason| anyhow!("the picture cannot be drawn: {reason}"))
+}
+
+/// What the colours mean: of the fields, drawn as lines or as dots, and of the errors.
+fn legend(fits: &Fits<'_>, found: &FieldFit, by_lines: bool) -> Vec<LegendEntry> {
+    let entry = |label: String, color: &str, is_line: bool, dasharray: Option<&str>| LegendEntry {
+        label,
+        color: color.to_owned(),
+        shape: if is_line { LegendShape::Line } else { LegendShape::Circle },
+        dasharray: dasharray.map(str::to_owned),
+    };
+    let (dipole, chosen) = (fits.dipole.order, fits.chosen.order);
+    let dashes = by_lines.then_some("6 4");
+    let measured = if by_lines { "measured" } else { "modelled as measured" };
+    let mut entries = vec![
+        entry(measured.to_owned(), MEASURED, !by_lines, None),
+        entry(format!("dipole (P = {dipole})"), DIPOLE, by_lines, dashes),
+        entry(format!("multipole (P = {chosen})"), CHOSEN, by_lines, None),
+        entry("error of all readings".to_owned(), FITTED, true, None),
+        entry("error of readings left out in folds".to_owned(), FOLDS, false, None),
+    ];
+    if let Some(region) = found.regions.first() {
+        entries.push(entry(format!("error of a region left out: {}", region.name), REGION, true, None));
+    }
+    entries
 }
 
 type Panel = (Vec<Plot>, Layout);
@@ -267,21 +283,16 @@ fn errors(found: &FieldFit) -> Panel {
     let curve = |of: &dyn Fn(&OrderReport) -> Option<f64>| -> Vec<(f64, f64)> {
         found.orders.iter().filter_map(|report| Some((report.order as f64, of(report)? * 1e3))).collect()
     };
-    let line = |points: Vec<(f64, f64)>, color: &str, label: &str| {
-        LinePlot::new().with_data(points).with_color(color).with_stroke_width(1.4).with_legend(label)
+    let line = |points: Vec<(f64, f64)>, color: &str| -> Plot {
+        LinePlot::new().with_data(points).with_color(color).with_stroke_width(1.4).into()
     };
+    let folds = curve(&|report| report.holdout_rms_norm);
     let mut plots: Vec<Plot> = vec![
-        line(curve(&|report| Some(report.rms_norm)), MEASURED, "all readings").into(),
-        ScatterPlot::new()
-            .with_data(curve(&|report| report.holdout_rms_norm))
-            .with_color(CHOSEN)
-            .with_size(3.5)
-            .with_legend("left out: folds")
-            .into(),
+        line(curve(&|report| Some(report.rms_norm)), FITTED),
+        ScatterPlot::new().with_data(folds).with_color(FOLDS).with_size(3.5).into(),
     ];
-    if let Some(region) = found.regions.first() {
-        let points = curve(&|report| report.region_rms_norms.first().copied().flatten());
-        plots.push(line(points, OTHER, &format!("left out: {}", region.name)).into());
+    if !found.regions.is_empty() {
+        plots.push(line(curve(&|report| report.region_rms_norms.first().copied().flatten()), REGION));
     }
     let layout = Layout::auto_from_plots(&plots)
         .with_title("error of each order")
@@ -292,7 +303,6 @@ fn errors(found: &FieldFit) -> Panel {
         .with_x_tick_step(1.0)
         .with_x_axis_min(0.0)
         .with_x_axis_max(11.0)
-        .with_legend_position(LegendPosition::InsideBottomCenter)
         .with_reference_line(ReferenceLine::vertical(found.order as f64).with_color("#999999"));
     (plots, layout)
 }

@@ -1,13 +1,14 @@
 //! Where along their axes the coils' expansion points are.
 //!
 //! # Method
-//! The coefficients are linear, the origins are not. For given origins the coefficients follow (5); the least squares of
-//! coefficients and origins together, linearised about them, gives the origins' step (variable projection after Kaufman,
-//! BIT 15, 1975), halved until it descends. One coil's search starts in every valley of a row of origins and keeps the deepest end;
-//! an array's, which would have too many rows to try, starts at the poses given.
+//! The coefficients are linear, the origins are not. For given origins the coefficients follow (5); the least
+//! squares of coefficients and origins together, linearised about them, gives the origins' step (variable
+//! projection after Kaufman, BIT 15, 1975), halved until it descends. One coil's search starts in every
+//! valley of a row of origins and keeps the deepest end; an array's, which would have too many rows to try,
+//! starts at the poses given.
 //!
-//! To first order, moving the expansion point of a series of order P adds one term of order P + 1. An origin is therefore as
-//! hard to find as one more order, and cannot be found where that term is lost in the noise.
+//! To first order, moving the expansion point of a series of order P adds one term of order P + 1. An origin
+//! is therefore as hard to find as one more order, and cannot be found where that term is lost in the noise.
 
 use nalgebra::DVector;
 
