@@ -209,7 +209,9 @@ fn an_array_is_calibrated_from_superposed_currents() {
         assert!(coil.frame.is_some());
     }
     // At other angles the coils were elsewhere: the same readings cannot be explained.
-    let wrong = answer(&fit(&data, &["--config", RIG, "--order", "4", "--json"]));
+    let wrong = fit(&data, &["--config", RIG, "--order", "4", "--json"]);
+    assert!(complaint(&wrong).contains("% of the measured field"), "{wrong:?}");
+    let wrong = answer(&wrong);
     let norm = |found: &Value| found["rms_norm_mt"].as_f64().unwrap();
     assert!(norm(&wrong) > 10.0 * norm(&found), "{} {}", norm(&wrong), norm(&found));
 }

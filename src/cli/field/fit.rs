@@ -23,6 +23,9 @@ use crate::cli::actuation::{ActuationArgs, finite};
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::output;
 
+/// A fit that leaves more than this part of the field is no model of it.
+const LEFT_MAX: f64 = 0.2;
+
 /// Coefficients of the coils' field from measurements.
 ///
 /// Reads one coil's grid (header x_mm,y_mm,z_mm,current_a,bx_mt,by_mt,bz_mt; the coil's frame: x along its
@@ -120,6 +123,7 @@ impl Fit {
         };
         let found = fit(&subject.poses, &subject.readings.readings, &request)
             .map_err(|error| self.refuse(explain(&error, &subject)))?;
+        self.warn(&subject, &found);
         let mut files = Vec::new();
         if let (Some(out), Some(names)) = (&self.out, &names) {
             let text = coil_types::text(&subject, &found, names, &request)
@@ -134,6 +138,21 @@ impl Fit {
         }
         self.print(&subject, &found, &request, &files)?;
         Ok(Exit::Success)
+    }
+
+    /// Says so when the coils, as placed, do not explain what was measured.
+    fn warn(&self, subject: &Subject, found: &FieldFit) {
+        let readings = &subject.readings.readings;
+        let squares: f64 = readings.iter().map(|reading| reading.field.norm_squared()).sum();
+        let left = found.rms_norm / (squares / readings.len() as f64).sqrt();
+        if left > LEFT_MAX {
+            output::note(format_args!(
+                "note: {}: the fit leaves {:.0} % of the measured field: are the coils, their frames' angles, the axes and \
+                signs those of the measurement?",
+                self.data.display(),
+                100.0 * left
+            ));
+        }
     }
 
     /// Reads the data and the rig.

@@ -25,8 +25,8 @@ const ORIGIN_MAX: f64 = 0.05;
 const START_STEP: f64 = 0.002;
 /// No reading is let nearer to an expansion point than this, m: the series has a pole there.
 const CLEARANCE: f64 = 0.005;
-const ITERATIONS_MAX: usize = 60;
-const HALVINGS_MAX: usize = 30;
+const ITERATIONS_MAX: usize = 40;
+const HALVINGS_MAX: usize = 12;
 /// Steps shorter than this end the search, m.
 const STEP_DONE: f64 = 1e-10;
 /// A step that no longer descends may be this long, m, when rounding is to blame.

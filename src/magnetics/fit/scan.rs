@@ -72,6 +72,9 @@ struct Arrangement<'a> {
 /// asked for.
 pub fn fit(poses: &[CoilPose], readings: &[Reading], request: &FitRequest) -> Result<FieldFit, FitError> {
     assert!(readings.iter().all(|reading| reading.currents.len() == poses.len()), "one pose a current");
+    if let OrderChoice::Exactly(order) = request.order {
+        assert!((1..=ORDER_MAX).contains(&order), "order {order}: must be 1 to {ORDER_MAX}");
+    }
     for coil in 0..poses.len() {
         if readings.iter().all(|reading| reading.currents[coil] == 0.0) {
             return Err(FitError::Undriven { coil });
@@ -83,6 +86,8 @@ pub fn fit(poses: &[CoilPose], readings: &[Reading], request: &FitRequest) -> Re
     for order in 1..=ORDER_MAX {
         match arrangement.candidate(order) {
             Ok(candidate) => candidates.push(candidate),
+            // Nothing else is asked for: the other orders need not be tried.
+            Err(error) if request.order == OrderChoice::Exactly(order) => return Err(error),
             Err(error) => undetermined.push((order, error)),
         }
     }
@@ -102,13 +107,8 @@ pub fn fit(poses: &[CoilPose], readings: &[Reading], request: &FitRequest) -> Re
             arrangement.lowest_as_good_as_best(&candidates)
         }
         OrderChoice::Exactly(order) => {
-            assert!((1..=ORDER_MAX).contains(&order), "order {order}: must be 1 to {ORDER_MAX}");
             let found = candidates.iter().position(|candidate| candidate.report.order == order);
-            match (found, why_not(order)) {
-                (Some(index), _) => index,
-                (None, Some(error)) => return Err(error),
-                (None, None) => unreachable!("an order is determined or has a reason"),
-            }
+            found.expect("an order that cannot be fitted was refused above")
         }
     };
     Ok(arrangement.report(&candidates, chosen, undetermined, request.share))
