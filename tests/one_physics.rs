@@ -15,7 +15,7 @@ use magsteer::config::Config;
 use magsteer::magnetics::CoilArray;
 use magsteer::rod::{Pass, PassMode, TipLoad};
 use magsteer_hal::{Actuation, HardwareDescription, PoseMessage};
-use magsteer_sim_plant::config::{CoilTruthConfig, MultipoleConfig, SaturationConfig};
+use magsteer_sim_plant::config::CoilTruthConfig;
 use magsteer_sim_plant::{Plant, PlantConfig};
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -69,7 +69,7 @@ impl Rig {
         plant.errors.coil_position_mm = 0.0;
         // The series that the controller knows, in place of windings and of cores that saturate.
         for truth in plant.field.values_mut() {
-            *truth = CoilTruthConfig::Multipole(MultipoleConfig { saturation: SaturationConfig::None });
+            *truth = CoilTruthConfig::Multipole;
         }
         // The controller's statics leave the magnets' forces on each other out.
         plant.rod.magnet_interaction = false;

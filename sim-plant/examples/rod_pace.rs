@@ -34,7 +34,7 @@ fn run(amplitude: f64, element_mm: f64, step: f64) -> Run {
     let mode = rod.first_mode().expect("has mass");
     rod.set_stepping(Stepping { step, retardation: mode.retardation(0.2) });
     let start_energy = rod.energy().total();
-    let mut array = CoilArray::new(&description, &[], &[]);
+    let mut array = CoilArray::as_described(&description);
     let mut run = Run { parts: Vec::new(), iterations: 0, missing_percent: 0.0 };
     for part in 0..STEPS / PART {
         let start = Instant::now();

@@ -1,8 +1,8 @@
 //! Parameter errors: how the plant differs from what both sides believe of it.
 //!
-//! The modulus error is applied as given. The moment of each magnet and the field per ampere of each
-//! coil are off by exactly the given share, up or down with equal chance; each coil's axis is tilted by exactly
-//! the given angle and its place shifted by exactly the given distance, in directions of equal chance. All is
+//! The modulus error is applied as given. The moment of each magnet and the field per ampere of each coil are
+//! off by exactly the given share, up or down with equal chance; each coil's axis is tilted by exactly the
+//! given angle and its place shifted by exactly the given distance, in directions of equal chance. All is
 //! drawn from the seed: a controller meets the stated error in full, in a pattern that it cannot know.
 
 use std::f64::consts::TAU;

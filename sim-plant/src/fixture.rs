@@ -73,7 +73,8 @@ pub fn plant_tables() -> Value {
     json!({
         "seed": 1, "step_us": 500, "sensor": "tracker",
         "rod": {
-            "element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2, "magnet_interaction": true
+            "element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2, "magnet_interaction": true,
+            "contact": "none"
         },
         "amplifier": {
             "bandwidth_hz": 200.0, "current_gain_relative": 0.0, "current_offset_a": 0.0,
@@ -94,7 +95,7 @@ pub fn plant_tables() -> Value {
             "air": {"winding": {
                 "inner_radius_mm": 45.0, "outer_radius_mm": 63.0, "length_mm": 43.0, "turns": 642.0
             }},
-            "iron": {"multipole": {"saturation": {"knee_a": 12.5}}}
+            "iron": {"core": {"saturation_knee_a": 12.5}}
         },
         "errors": {
             "modulus_relative": 0.0, "moment_relative": 0.0, "coil_gain_relative": 0.0,

@@ -101,6 +101,7 @@ impl Plant {
         let undamped = Stepping { step, retardation: 0.0 };
         let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);
         rod.set_magnet_interaction(settings.rod.magnet_interaction);
+        rod.set_contact(settings.rod.contact.clone());
         if rod.moving_mass() <= 0.0 {
             return Err(PlantError::Weightless);
         }
@@ -162,7 +163,7 @@ impl Plant {
     pub fn advance_through(&mut self, alter: impl FnOnce(&Setpoint, Stamp) -> Setpoint) {
         self.now = self.now.after(self.step);
         let setpoint = self.guard.setpoint(self.now, self.step.as_secs_f64());
-        let found = self.actuators.follow(&setpoint, &alter(&setpoint, self.now));
+        let found = self.actuators.obey(&alter(&setpoint, self.now), &setpoint);
         if self.actuators.fault().is_some() {
             // As long as it stands: a claim meanwhile is granted nothing.
             self.guard.trip();

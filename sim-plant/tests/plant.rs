@@ -202,6 +202,8 @@ fn values_out_of_range_are_refused_by_their_keys() {
         ("/errors/modulus_relative", json!(-1.0)),
         ("/errors/moment_relative", json!(-0.05)),
         ("/errors/coil_gain_relative", json!(1.0)),
+        ("/errors/coil_axis_deg", json!(-0.5)),
+        ("/errors/coil_position_mm", json!(50.0)),
         ("/sensors/tracker/rate_hz", json!(0.0)),
         ("/sensors/tracker/rate_hz", json!(4000.0)),
         ("/sensors/camera/latency_ms", json!(-1.0)),

@@ -48,7 +48,7 @@ impl Account {
 
 /// Drives the rod for ten seconds by coil currents of an amplitude, each coil at its own pace, with the frames at angles.
 fn drive(amplitude: f64, pace: f64, angles: [f64; 2], step: f64) -> Account {
-    let mut array = CoilArray::new(&fixture::bigmag(), &[], &[]);
+    let mut array = CoilArray::as_described(&fixture::bigmag());
     let mut rod = resting(step, DAMPING_RATIO);
     let start = rod.energy().total();
     for index in 0..(10.0 / step) as u32 {

@@ -63,6 +63,7 @@ passes_max = 2000
 
 [control]
 orientation_error = "tangent-plane"
+jacobian = "exact"
 proportional_per_s = 5.0
 integral_per_s2 = 0.0
 reference_time_constant_ms = 60.0

@@ -12,10 +12,12 @@ use crate::field::{CoilTruth, Saturation, Winding};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CoilTruthConfig {
+    /// `"multipole"`: the series of `[coil_types]`, exactly.
+    Multipole,
+    /// The same series behind a core that saturates.
+    Core(CoreConfig),
     /// A winding without a core.
     Winding(WindingShapeConfig),
-    /// The description's series behind a core.
-    Multipole(MultipoleConfig),
 }
 
 /// `winding = {...}`: uniformly wound; its face is the plane x = 0 of the coil's frame, its body behind it.
@@ -32,26 +34,16 @@ pub struct WindingShapeConfig {
     pub turns: f64,
 }
 
-/// `multipole = {...}`: the series of `[coil_types]`.
+/// `core = {...}`: the series of `[coil_types]`, of whose flux the core takes a part away.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct MultipoleConfig {
-    /// `"none"`, or `{ knee_a = ... }`.
-    pub saturation: SaturationConfig,
+pub struct CoreConfig {
+    /// The current at the knee, A, > 0: 16 % of the field are lost there, 1e-3 at a quarter of it.
+    pub saturation_knee_a: f64,
 }
 
-/// Whether a core saturates.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SaturationConfig {
-    /// `"none"`: the field is in proportion to the current.
-    None,
-    /// `{ knee_a = ... }`: the current at the knee, A, > 0; 16 % of the field are lost there.
-    KneeA(f64),
-}
-
-/// What each coil of the rig is in truth, in its order. A type without coils is passed over; a coil without a truth is refused, and
-/// so is a truth that no coil type of the rig asks for.
+/// What each coil of the rig is in truth, in its order. A type without coils is passed over; a coil without a
+/// truth is refused, and so is a truth that no coil type of the rig asks for.
 pub(super) fn truths(
     types: &BTreeMap<String, CoilTruthConfig>,
     description: &HardwareDescription,
@@ -67,7 +59,8 @@ pub(super) fn truths(
     for name in &description.coil_types {
         let has_coils = description.coils.iter().any(|coil| coil.coil_type == *name);
         let key = format!("plant.field.{name}");
-        let expected = "given: what the coils of this type are in truth, either `winding` or `multipole`";
+        let expected =
+            "given: what the coils of this type are in truth, one of \"multipole\", `core` and `winding`";
         checks.require(!has_coils || types.contains_key(name), key, "nothing", expected);
     }
     let coils = description.coils.iter();
@@ -77,12 +70,11 @@ pub(super) fn truths(
 impl CoilTruthConfig {
     fn check(&self, key: &str, checks: &mut Checks) {
         match self {
-            Self::Winding(winding) => winding.check(&format!("{key}.winding"), checks),
-            Self::Multipole(MultipoleConfig { saturation }) => {
-                if let SaturationConfig::KneeA(knee) = saturation {
-                    checks.positive(format!("{key}.multipole.saturation.knee_a"), *knee);
-                }
+            Self::Multipole => {}
+            Self::Core(core) => {
+                checks.positive(format!("{key}.core.saturation_knee_a"), core.saturation_knee_a);
             }
+            Self::Winding(winding) => winding.check(&format!("{key}.winding"), checks),
         }
     }
 
@@ -95,10 +87,8 @@ impl CoilTruthConfig {
                 length: winding.length_mm * 1e-3,
                 turns: winding.turns,
             }),
-            Self::Multipole(MultipoleConfig { saturation }) => CoilTruth::Multipole(match saturation {
-                SaturationConfig::None => Saturation::None,
-                SaturationConfig::KneeA(knee) => Saturation::Knee(*knee),
-            }),
+            Self::Multipole => CoilTruth::Multipole(Saturation::None),
+            Self::Core(core) => CoilTruth::Multipole(Saturation::Knee(core.saturation_knee_a)),
         }
     }
 }

@@ -1,15 +1,17 @@
 //! Field of the coil array and its wrench on the magnets.
 //!
-//! Each coil is the same all round its axis, so that it is known by where it stands, where it points and what it carries. Gain,
-//! tilt and offset of a coil are those that the plant has and the description does not:
+//! Each coil is the same all round its axis, so that it is known by where it stands, where it points and what
+//! it carries. Gain, tilt and offset of a coil are those that the plant has and the description does not:
 //!
 //! `position = p_0 + R_0 o`, `axis = R_0 exp(tilt) e_x`, `field = gain f(i) field_1`             (F15)
 //!
-//! with `p_0`, `R_0` from the description, turned with the frame, and the field of one ampere of its [`Source`].
+//! with `p_0`, `R_0` from the description, turned with the frame, and the field of one ampere of its
+//! [`Source`].
 //!
-//! The description's series holds only outside of its source: each coil has a least local x. A sample taken nearer says so, and is
-//! that of the nearest point at the least x: wrenches stay bounded where the series would turn over and grow without limit. The same
-//! boundary holds for windings, so that truth and series are bounded alike.
+//! The description's series holds only outside of its source: each coil has a least local x. A sample taken
+//! nearer says so, and is that of the nearest point at the least x: wrenches stay bounded where the series
+//! would turn over and grow without limit. The same boundary holds for windings, so that truth and series are
+//! bounded alike.
 
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::description::{CoilDescription, FrameDescription};
@@ -50,12 +52,26 @@ pub struct CoilArray {
 }
 
 impl CoilArray {
-    /// All coils of the description at zero current and zero angle. `truths` and `errors` have an entry for each coil, in order.
+    /// All coils of the description at zero current and zero angle. `truths` and `errors` have an entry for
+    /// each coil, in order.
+    ///
+    /// # Panics
+    /// When they have not: a coil without a truth would silently make no field.
     #[must_use]
     pub fn new(description: &HardwareDescription, truths: &[CoilTruth], errors: &[CoilError]) -> Self {
+        let count = description.coils.len();
+        assert_eq!((truths.len(), errors.len()), (count, count), "an entry for each coil");
         let coils = description.coils.iter().zip(truths).zip(errors);
         let coils = coils.map(|((coil, truth), error)| Coil::new(description, coil, *truth, error)).collect();
         Self { frames: description.frames.clone(), coils }
+    }
+
+    /// The same where every coil has exactly the series and the place of the description.
+    #[must_use]
+    pub fn as_described(description: &HardwareDescription) -> Self {
+        let count = description.coils.len();
+        let series = CoilTruth::Multipole(Saturation::None);
+        Self::new(description, &vec![series; count], &vec![CoilError::NONE; count])
     }
 
     /// Sets currents, A, and frame angles, rad, in the order of the description.
@@ -124,8 +140,8 @@ impl Coil {
     }
 }
 
-/// Where in a coil's half plane the workspace lies, as described and at frame angle zero: errors do not change it, so that coils
-/// built alike and placed alike share their table.
+/// Where in a coil's half plane the workspace lies, as described and at frame angle zero: errors do not
+/// change it, so that coils built alike and placed alike share their table.
 fn domain(description: &HardwareDescription, coil: &CoilDescription) -> Domain {
     let center = Vector3::from(description.workspace.center) - Vector3::from(coil.position);
     let axis = Vector3::from(coil.rotation.map(|row| row[0]));
@@ -150,11 +166,8 @@ mod tests {
     const SERIES: [CoilTruth; 6] = [CoilTruth::Multipole(Saturation::None); 6];
     const AS_DESCRIBED: [CoilError; 6] = [CoilError::NONE; 6];
 
-    fn series(description: &HardwareDescription) -> CoilArray {
-        CoilArray::new(description, &SERIES, &AS_DESCRIBED)
-    }
-
-    /// The field of coil `index` at 1 A at a point of the coil's own frame, by an array of which it is the only coil.
+    /// The field of coil `index` at 1 A at a point of the coil's own frame, by an array of which it is the
+    /// only coil.
     fn in_own_frame(index: usize, point: Vector3<f64>) -> Field {
         let mut description = fixture::bigmag();
         let mut coil = description.coils.swap_remove(index);
@@ -162,7 +175,7 @@ mod tests {
         coil.position = [0.0; 3];
         coil.frame = None;
         description.coils = vec![coil];
-        let mut array = series(&description);
+        let mut array = CoilArray::as_described(&description);
         array.actuate(&[1.0], &[]);
         array.at(&point)
     }
@@ -183,7 +196,7 @@ mod tests {
 
     /// Field of each coil of BigMag at 1 A, mT.
     fn columns(point: Vector3<f64>, bottom_deg: f64, top_deg: f64) -> Vec<Vector3<f64>> {
-        let mut array = series(&fixture::bigmag());
+        let mut array = CoilArray::as_described(&fixture::bigmag());
         (0..6)
             .map(|coil| {
                 let mut currents = [0.0; 6];
@@ -215,7 +228,7 @@ mod tests {
         for coil in &mut description.coils {
             coil.coefficients = (0..10).map(|k| 1e-6 * 0.02_f64.powi(k) / f64::from(k + 1)).collect();
         }
-        let mut array = series(&description);
+        let mut array = CoilArray::as_described(&description);
         array.actuate(&[1.0, -2.0, 3.0, 0.5, -4.0, 2.5], &[0.3, -0.8]);
         let point = vector(0.012, -0.007, 0.015);
         let gradient = array.at(&point).gradient;
@@ -234,7 +247,7 @@ mod tests {
 
     #[test]
     fn force_and_torque_are_derivatives_of_the_dipole_energy() {
-        let mut array = series(&fixture::bigmag());
+        let mut array = CoilArray::as_described(&fixture::bigmag());
         array.actuate(&[3.0, -2.0, 1.0, 4.0, -5.0, 2.0], &[0.2, -0.4]);
         let (point, moment) = (vector(0.01, 0.004, -0.006), vector(0.02, -0.05, 0.03));
         let wrench = array.at(&point).wrench(&moment);
@@ -252,7 +265,7 @@ mod tests {
 
     #[test]
     fn a_point_inside_a_coil_is_reported() {
-        let mut array = series(&fixture::bigmag());
+        let mut array = CoilArray::as_described(&fixture::bigmag());
         array.actuate(&[0.0, 0.0, 0.0, 0.0, 1.0, 0.0], &[0.0, 0.0]);
         assert!(array.at(&Vector3::zeros()).valid);
         assert!(!array.at(&vector(0.0, 0.0, -0.05)).valid);
@@ -263,7 +276,7 @@ mod tests {
         let description = fixture::bigmag();
         let mut errors = AS_DESCRIBED;
         errors[0].gain = 1.02;
-        let mut exact = series(&description);
+        let mut exact = CoilArray::as_described(&description);
         let mut off = CoilArray::new(&description, &SERIES, &errors);
         exact.actuate(&[1.0], &[]);
         off.actuate(&[1.0], &[]);
@@ -274,7 +287,8 @@ mod tests {
         assert_eq!(off.at(&point), exact.at(&point));
     }
 
-    /// Goal: a coil shifted and tilted in its own frame makes the field that the same coil makes when it is described there.
+    /// Goal: a coil shifted and tilted in its own frame makes the field that the same coil makes when it is
+    /// described there.
     #[test]
     fn a_tilted_and_shifted_coil_is_the_coil_described_at_that_place() {
         let mut description = fixture::bigmag();
@@ -290,7 +304,7 @@ mod tests {
             let tilted = rotation * Rotation3::new(error.tilt).matrix();
             coil.rotation = tilted.transpose().into();
         }
-        let mut described = series(&description);
+        let mut described = CoilArray::as_described(&description);
         let (currents, angles) = ([1.0, -2.0, 3.0, 0.5, -4.0, 2.5], [0.4, -0.7]);
         off.actuate(&currents, &angles);
         described.actuate(&currents, &angles);
@@ -308,7 +322,7 @@ mod tests {
         let mut truths = [CoilTruth::Multipole(Saturation::Knee(12.5)); 6];
         truths[4..].fill(CoilTruth::Winding(winding));
         let mut truth = CoilArray::new(&description, &truths, &AS_DESCRIBED);
-        let mut model = series(&description);
+        let mut model = CoilArray::as_described(&description);
         let center = Vector3::zeros();
         truth.actuate(&[8.0], &[]);
         model.actuate(&[8.0], &[]);
@@ -322,5 +336,9 @@ mod tests {
         assert!((found.flux.z / (8.0 * winding.at(0.0855, 0.0).along) - 1.0).abs() < 1e-6);
         assert!((found.flux - expected.flux).norm() < 0.01 * expected.flux.norm());
         assert_ne!(found.flux, expected.flux);
+        // Nearer than the series holds, the winding is asked at the boundary too, and says so.
+        let (inside, boundary) = (vector(0.0, 0.0, -0.08), vector(0.0, 0.0, -0.0855 + 0.043));
+        let (inside, boundary) = (truth.at(&inside), truth.at(&boundary));
+        assert!(!inside.valid && (inside.flux - boundary.flux).norm() < 1e-12 * boundary.flux.norm());
     }
 }

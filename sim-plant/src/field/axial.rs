@@ -7,7 +7,8 @@
 //! | `q` | radial component over the distance from the axis: smooth and finite on the axis |
 //! | `s`, `t` | `dq/dx` and `2 dq/du` |
 //!
-//! Without sources nearby, `div B = 0` gives `db/dx = -(2 q + u t)`, and `curl B = 0` gives `db/du = s / 2`, so that
+//! Without sources nearby, `div B = 0` gives `db/dx = -(2 q + u t)`, and `curl B = 0` gives `db/du = s / 2`,
+//! so that
 //!
 //! `B = b e + q d`                                                                        (F9)
 //!
@@ -39,7 +40,8 @@ pub struct Superposition {
 }
 
 impl Axial {
-    /// With `db/dx` (T/m) in place of `t`, which follows from it; on the axis itself `t` plays no part and is zero.
+    /// With `db/dx` (T/m) in place of `t`, which follows from it; on the axis itself `t` plays no part and is
+    /// zero.
     #[must_use]
     pub fn from_slopes(along: f64, radial: f64, along_slope: f64, slope: f64, u: f64) -> Self {
         let bend = if u > 0.0 { -(along_slope + 2.0 * radial) / u } else { 0.0 };

@@ -1,4 +1,5 @@
-//! Field of a circular current loop, anywhere but on the wire, without loss of digits near the axis or far away.
+//! Field of a circular current loop, anywhere but on the wire, without loss of digits near the axis or far
+//! away.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -17,8 +18,8 @@
 //!
 //! `s = 4 mu0 a^2 / (pi alpha^2 beta^3) [F (1 - 3 x^2 / beta^2 - 2 x^2 / alpha^2) - 2 m x^2 F' / beta^2]`
 //!
-//! `db/dx = -mu0 a^2 x / (pi alpha^2 beta) [W (1 / beta^2 + 2 / alpha^2) + (2 / beta^2) (m B' + m D' + V + m V')]`,
-//! `V = 4 r [r C - (a + r) D] / beta^2`, `V' = 4 r [r C' - (a + r) D'] / beta^2`
+//! `db/dx = -mu0 a^2 x / (pi alpha^2 beta) [W (1 / beta^2 + 2 / alpha^2) + (2 / beta^2) X]`,
+//! `X = m B' + m D' + V + m V'`, `V = 4 r [r C - (a + r) D] / beta^2`, `V' = 4 r [r C' - (a + r) D'] / beta^2`
 //!
 //! Vector potential, over `r`: `h = 4 mu0 a^2 C / (pi beta^3)`                                 (F6)
 //!
@@ -84,7 +85,8 @@ impl LoopField {
     }
 }
 
-/// Second and third derivative by `x` of the field on the axis of a loop of `radius` with 1 A, T/m^2 and T/m^3.
+/// Second and third derivative by `x` of the field on the axis of a loop of `radius` with 1 A, T/m^2 and
+/// T/m^3.
 #[must_use]
 pub fn bends_on_axis(radius: f64, x: f64) -> [f64; 2] {
     let (a2, x2) = (radius * radius, x * x);

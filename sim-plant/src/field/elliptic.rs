@@ -1,31 +1,33 @@
 //! Complete elliptic integrals for current loops and current sheets, to machine precision.
 //!
-//! **Problem.** Written with the usual `K` and `E`, the field of a loop is a difference of nearly equal numbers near its axis
-//! and far away. The integrals below are those combinations of `K` and `E` that the field consists of; none is small.
+//! **Problem.** Written with the usual `K` and `E`, the field of a loop is a difference of nearly equal
+//! numbers near its axis and far away. The integrals below are those combinations of `K` and `E` that the
+//! field consists of; none is small.
 //!
 //! | symbol | meaning |
 //! |---|---|
 //! | `m`, `kc` | parameter, `m = k^2`; complementary modulus, `kc^2 = 1 - m` |
-//! | `D` | `sqrt(1 - m sin^2 t)`, under integrals over `t` from 0 to pi/2 |
-//! | `K` | `int 1 / D` |
-//! | `B`, `D`, `C` | `int cos^2 / D`, `int sin^2 / D`, `int sin^2 cos^2 / D^3`                    (F1) |
+//! | `R` | `sqrt(1 - m sin^2 w)`, under integrals over `w` from 0 to pi/2 |
+//! | `K` | `int 1 / R` |
+//! | `B`, `D`, `C` | `int cos^2 / R`, `int sin^2 / R`, `int sin^2 cos^2 / R^3`                    (F1) |
 //!
-//! **Method.** The arithmetic-geometric mean from `a_0 = 1`, `b_0 = kc`, with `c_(n+1) = c_n^2 / (4 a_(n+1))`, `c_0^2 = m`. With
-//! `s = sum_(n >= 1) 2^n c_n^2 / m^2` and `S = m s`
+//! **Method.** The arithmetic-geometric mean from `a_0 = 1`, `b_0 = kc`, with `c_0^2 = m`,
+//! `c_(n+1) = c_n^2 / (4 a_(n+1))`. With `s = sum_(n >= 1) 2^n c_n^2 / m^2` and `S = m s`
 //!
 //! `K = pi / (2 a)`, `B = K (1 - S) / 2`, `D = K (1 + S) / 2`, `C = K s`                     (F2)
 //!
-//! where `c_1 / m = 1 / (2 (1 + kc))` and `c_n / m^2` of the later terms are followed instead of `c_n`, so that nothing is
-//! divided by a small `m`. For the slopes, `dB/dm = C / 2`, `dD/dm = (D - C) / (2 kc^2)`, and
-//! `dC/dm = (D - 4 C + 3 m C) / (2 m kc^2) = K [7 s - (3 + kc) / (1 + kc)^3 - 8 s_2 / m] / (4 kc^2)` with `s_2` the part of
-//! `s` from `n = 2` on.
+//! where `c_1 / m = 1 / (2 (1 + kc))` and `c_n / m^2` of the later terms are followed instead of `c_n`, so
+//! that nothing is divided by a small `m`. For the slopes, `dB/dm = C / 2`, `dD/dm = (D - C) / (2 kc^2)`, and
+//! `dC/dm = (D - 4 C + 3 m C) / (2 m kc^2) = K [7 s - (3 + kc) / (1 + kc)^3 - 8 s_2 / m] / (4 kc^2)` with
+//! `s_2` the part of `s` from `n = 2` on.
 //!
-//! Sources: Abramowitz and Stegun 17.6 (the mean); Jahnke and Emde, Tables of Functions, chapter V (`B`, `C`, `D`);
-//! Bulirsch, Numerische Mathematik 7 (1965) 78 and 13 (1969) 305 (`cel`).
+//! Sources: Abramowitz and Stegun 17.6 (the mean); Jahnke and Emde, Tables of Functions, chapter V (`B`, `C`,
+//! `D`); Bulirsch, Numerische Mathematik 7 (1965) 78 and 13 (1969) 305 (`cel`).
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// The mean has converged to rounding when the last half difference is below this share: it is squared by the next step.
+/// The mean has converged to rounding when the last half difference is below this share: it is squared by the
+/// next step.
 const CONVERGED: f64 = 1e-8;
 /// Quadratic convergence needs seven steps from `kc = 1e-12`.
 const ITERATIONS_MAX: usize = 12;
@@ -77,8 +79,8 @@ impl Complete {
     }
 }
 
-/// Bulirsch's `cel(kc, p, a, b) = int (a cos^2 + b sin^2) / ((cos^2 + p sin^2) sqrt(cos^2 + kc^2 sin^2))` over
-/// 0 to pi/2, for `kc` > 0 and `p` > 0.
+/// Bulirsch's `cel(kc, p, a, b) = int (a cos^2 + b sin^2) / ((cos^2 + p sin^2) sqrt(cos^2 + kc^2 sin^2))`
+/// over 0 to pi/2, for `kc` > 0 and `p` > 0.
 #[must_use]
 pub fn cel(kc: f64, p: f64, a: f64, b: f64) -> f64 {
     let (mut kc, mut e, mut m) = (kc, kc, 1.0);
@@ -129,7 +131,7 @@ mod tests {
             assert_near(found.b, integral(kc, |_, c2, root| c2 / root), "B");
             assert_near(found.d, integral(kc, |s2, _, root| s2 / root), "D");
             assert_near(found.c, integral(kc, |s2, c2, root| s2 * c2 / root.powi(3)), "C");
-            // The derivative by m brings (3/2) sin^2 / D^2 under the last integral, 1/2 under the others.
+            // The derivative by m brings (3/2) sin^2 / R^2 under the last integral, 1/2 under the others.
             let slope = integral(kc, |s2, c2, root| 1.5 * s2 * s2 * c2 / root.powi(5));
             assert_near(found.c_slope, slope, "C'");
             assert_near(found.d_slope, integral(kc, |s2, _, root| 0.5 * s2 * s2 / root.powi(3)), "D'");

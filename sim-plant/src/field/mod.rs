@@ -1,4 +1,5 @@
-//! The true magnetic field, written apart from the controller's. Equations (F1) to (F17) stand in `docs/field.md`, too.
+//! The true magnetic field, written apart from the controller's. Equations (F1) to (F17) stand in
+//! `docs/field.md`, too.
 //!
 //! - `sample`: field and gradient at a point, and the wrench on a dipole there;
 //! - `dipole`: a point dipole, for magnets that act on each other;

@@ -13,8 +13,8 @@
 //! `B_k = a_k (-1)^k k! r^-(k+2) [ -(k+1) P_k p / r + P_k' (e - c p / r) ]`                     (F10)
 //!
 //! With `(k+1) P_k + c P_k' = P'_(k+1)` the sum over orders takes the form `B = q p + w e`,
-//! `q = -sum A_k r^-(k+3) P'_(k+1)`, `w = sum A_k r^-(k+2) P'_k`, `A_k = a_k (-1)^k k!`. This `q` is that of `axial`, so
-//! that `b = q x + w`, and with `dq = q_r dr + q_c dc`
+//! `q = -sum A_k r^-(k+3) P'_(k+1)`, `w = sum A_k r^-(k+2) P'_k`, `A_k = a_k (-1)^k k!`. This `q` is that of
+//! `axial`, so that `b = q x + w`, and with `dq = q_r dr + q_c dc`
 //!
 //! `t = q_r / r - c q_c / r^2`, `s = x t + q_c / r`.
 //!
@@ -33,7 +33,8 @@ pub struct Multipole {
 }
 
 impl Multipole {
-    /// The series with coefficients `a_k`, k = 1 first, T m^(k+2) / A; those beyond [`ORDER_MAX`] are left out.
+    /// The series with coefficients `a_k`, k = 1 first, T m^(k+2) / A; those beyond [`ORDER_MAX`] are left
+    /// out.
     #[must_use]
     pub fn new(coefficients: &[f64]) -> Self {
         let mut factors = [0.0; ORDER_MAX];

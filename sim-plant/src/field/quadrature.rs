@@ -1,7 +1,8 @@
 //! Gauss-Legendre quadrature.
 //!
-//! Nodes are the zeros of the Legendre polynomial `P_n`, found by Newton's method from `cos(pi (i + 3/4) / (n + 1/2))`; weights are
-//! `2 / ((1 - z^2) P_n'(z)^2)`. Source: Abramowitz and Stegun 25.4.29.
+//! Nodes are the zeros of the Legendre polynomial `P_n`, found by Newton's method from
+//! `cos(pi (i + 3/4) / (n + 1/2))`; weights are `2 / ((1 - z^2) P_n'(z)^2)`.
+//! Source: Abramowitz and Stegun 25.4.29.
 
 use std::f64::consts::PI;
 

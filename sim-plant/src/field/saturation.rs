@@ -1,14 +1,17 @@
 //! How the field of an iron core falls short of its proportion to the current.
 //!
-//! The flux of current `i` is that of the series times `f(i)`, an odd, smooth, growing function with a knee at `i_k`:
+//! The flux of current `i` is that of the series times `f(i)`, an odd, smooth, growing function with a knee
+//! at `i_k`:
 //!
 //! `f(i) = i / [1 + (i / i_k)^4]^(1/4)`                                                       (F11)
 //!
-//! Its loss, `1 - f(i) / i`, is `(i / i_k)^4 / 4` for small currents: below 1e-3 up to a quarter of the knee, 16 % at the knee. Its
-//! slope `[1 + (i / i_k)^4]^(-5/4)` falls to 42 % at the knee, and `f` tends to `i_k` far beyond.
+//! Its loss, `1 - f(i) / i`, is `(i / i_k)^4 / 4` for small currents: below 1e-3 up to a quarter of the knee,
+//! 16 % at the knee. Its slope `[1 + (i / i_k)^4]^(-5/4)` falls to 42 % at the knee, and `f` tends to `i_k`
+//! far beyond.
 //!
-//! The exponent is a choice, not a measurement: it gives a core that is linear for long and then bends within a factor of two in
-//! current, as soft iron does. Hysteresis and the part of the field that the winding makes without its core are left out.
+//! The exponent is a choice, not a measurement: it gives a core that is linear for long and then bends within
+//! a factor of two in current, as soft iron does. Hysteresis and the part of the field that the winding makes
+//! without its core are left out.
 
 /// Whether a coil has a core that saturates.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -42,7 +42,8 @@ impl Source {
         }
     }
 
-    /// A winding that will be asked for its field in `domain` above all. Tables of equal windings and domains are shared.
+    /// A winding that will be asked for its field in `domain` above all. Tables of equal windings and domains
+    /// are shared.
     #[must_use]
     pub fn winding(winding: Winding, domain: Domain) -> Self {
         Self::Winding(winding, shared_table(&winding, domain))

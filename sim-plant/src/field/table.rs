@@ -1,19 +1,21 @@
-//! A winding's field from a table: cubic interpolation in the half plane, some hundred times faster than the sum.
+//! A winding's field from a table: cubic interpolation in the half plane, sixty times faster than the sum.
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | `x`, `u` | place along the axis, squared distance from it: the field is smooth in both, on the axis too |
+//! | `x`, `u` | place along the axis, squared distance from it: the field is smooth in both |
 //! | `b`, `q`, `s`, `t` | as in `axial` |
 //! | `X`, `U` | place within a cell, 0 to 1 each way |
 //!
-//! Nodes of a regular grid hold `b` and `q` with their derivatives by `x`, by `u` and by both, exact from the winding's sum:
+//! Nodes of a regular grid hold `b` and `q` with their derivatives by `x`, by `u` and by both, exact from the
+//! winding's sum:
 //! `b, db/dx, s/2, (ds/dx)/2` and `q, s, t/2, (dt/dx)/2`. In a cell, with `p` one of `b` and `q`,
 //!
-//! `p(X, U) = sum_ij [H_i(X) H_j(U) p_ij + K_i(X) H_j(U) p_x,ij + H_i(X) K_j(U) p_u,ij + K_i(X) K_j(U) p_xu,ij]`    (F16)
+//! `p(X, U) = sum_ij [H_i(X) H_j(U) p + K_i(X) H_j(U) p_x + H_i(X) K_j(U) p_u + K_i(X) K_j(U) p_xu]_ij`  (F16)
 //!
-//! over the four corners, with Hermite's cubics `H_0 = (1 + 2 X)(1 - X)^2`, `K_0 = X (1 - X)^2`, `H_1(X) = H_0(1 - X)`,
-//! `K_1(X) = -K_0(1 - X)` (derivatives in units of the cell). It is continuously differentiable across cells; `s = dq/dx` and
-//! `t = 2 dq/du` are taken from it, and `db/dx` from (F9), so that the gradient stays symmetric and traceless to rounding.
+//! over the four corners, with Hermite's cubics `H_0 = (1 + 2 X)(1 - X)^2`, `K_0 = X (1 - X)^2`,
+//! `H_1(X) = H_0(1 - X)`, `K_1(X) = -K_0(1 - X)` (derivatives in units of the cell). It is continuously
+//! differentiable across cells; `s = dq/dx` and `t = 2 dq/du` are taken from it, and `db/dx` from (F9), so
+//! that the gradient stays symmetric and traceless to rounding.
 //! `B` itself has an error of fourth order in the cell, the gradient of third order.
 //!
 //! The cells shrink with the distance between the winding and the table, on whose ratio the error depends.
@@ -22,7 +24,7 @@ use super::axial::Axial;
 use super::winding::{Jet, Winding};
 
 /// Size of a cell over the least distance between winding and table, along the axis and across it.
-const CELL: f64 = 0.035;
+const CELL: f64 = 0.05;
 /// Most cells each way: a table nearer to its winding would cost more than it saves.
 const CELLS_MAX: f64 = 200.0;
 
@@ -53,7 +55,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// Tabulates a winding; `None` when the domain is empty, or so near to the winding that a table would have too many cells.
+    /// Tabulates a winding; `None` when the domain is empty, or so near to the winding that a table would
+    /// have too many cells.
     #[must_use]
     pub fn new(winding: &Winding, domain: Domain) -> Option<Self> {
         let Domain { x_min, x_max, r_max } = domain;

@@ -14,17 +14,19 @@
 //! `b = (mu0 j / pi) a / (a + r) [g(xi_1) - g(xi_2)]`, `g(xi) = xi / beta cel(kc, y^2, 1, y)`,
 //! `y = (a - r) / (a + r)`                                                                (F7)
 //!
-//! A winding of `N` turns between radii `a_1` and `a_2` carries a uniform current density; per ampere it is an integral of
-//! sheets, done by Gauss-Legendre over the radius with [`SHEETS`] nodes `a_i` and weights `w_i`:
+//! A winding of `N` turns between radii `a_1` and `a_2` carries a uniform current density; per ampere it is
+//! an integral of sheets, done by Gauss-Legendre over the radius with [`SHEETS`] nodes `a_i` and weights
+//! `w_i`:
 //!
 //! `field = sum_i w_i sheet(a_i, j = N / (length (a_2 - a_1)))`                               (F8)
 //!
-//! The integrand is analytic in the radius outside of the winding: the rule converges geometrically, the slower the nearer the
-//! point is in units of the thickness. Inside the winding it does not hold.
+//! The integrand is analytic in the radius outside of the winding: the rule converges geometrically, the
+//! slower the nearer the point is in units of the thickness. Inside the winding it does not hold.
 //!
 //! Source: Derby and Olbert, American Journal of Physics 78 (2010) 229, for `b`.
 
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 use super::axial::Axial;
 use super::current_loop::{LoopField, bends_on_axis};
@@ -32,7 +34,8 @@ use super::elliptic::{Complete, cel};
 use super::quadrature::gauss_legendre;
 use super::sample::MU0;
 
-/// Nodes over the thickness: errors below 1e-9 from half a thickness away from the winding on, and below 1e-13 from one on.
+/// Nodes over the thickness: errors below 1e-9 from half a thickness away from the winding on, and below
+/// 1e-13 from one on.
 const SHEETS: usize = 16;
 /// Nodes over thickness and length of each winding of a mutual inductance.
 const NODES_OF_INDUCTANCE: usize = 8;
@@ -48,7 +51,8 @@ pub struct Sheet {
     pub to: f64,
 }
 
-/// A uniformly wound coil of rectangular section; its face is the plane `x = 0`, its body lies at negative `x`.
+/// A uniformly wound coil of rectangular section; its face is the plane `x = 0`, its body lies at negative
+/// `x`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Winding {
     /// m.
@@ -108,7 +112,8 @@ impl Sheet {
         let kc = difference.hypot(xi) / beta;
         let y = difference / sum;
         if y == 0.0 {
-            // The mean of the limits from within and without, which differ by what the other end takes away again.
+            // The mean of the limits from within and without, which differ by what the other end takes away
+            // again.
             let integrals = Complete::new(kc);
             return xi / beta * (integrals.b + integrals.d);
         }
@@ -126,12 +131,13 @@ impl Winding {
     /// The same with its derivatives along the axis.
     #[must_use]
     pub fn jet(&self, x: f64, r: f64) -> Jet {
-        let density = self.density();
+        static RULE: LazyLock<[(f64, f64); SHEETS]> = LazyLock::new(|| gauss_legendre(0.0, 1.0));
+        let thickness = self.outer_radius - self.inner_radius;
         let mut sum = Jet::default();
-        for (radius, weight) in gauss_legendre::<SHEETS>(self.inner_radius, self.outer_radius) {
-            let sheet = Sheet { radius, from: -self.length, to: 0.0 };
-            let jet = sheet.jet(x, r);
-            let weight = weight * density;
+        for (place, weight) in RULE.iter() {
+            let radius = self.inner_radius + thickness * place;
+            let jet = Sheet { radius, from: -self.length, to: 0.0 }.jet(x, r);
+            let weight = weight * self.turns / self.length;
             sum.axial.along += weight * jet.axial.along; // (F8)
             sum.axial.radial += weight * jet.axial.radial;
             sum.axial.slope += weight * jet.axial.slope;
@@ -165,8 +171,9 @@ impl Winding {
     }
 }
 
-/// Mutual inductance (H) of two windings on one axis that face each other, `gap` (m) between their faces: flux through the second
-/// that has the direction of its own, per ampere in the first, when both currents turn the same way about the common axis.
+/// Mutual inductance (H) of two windings on one axis that face each other, `gap` (m) between their faces:
+/// flux through the second that has the direction of its own, per ampere in the first, when both currents
+/// turn the same way about the common axis.
 ///
 /// The vector potential (F6) integrated round every turn, which for two loops is Maxwell's formula:
 /// `M = 2 pi a_2^2 h(a_1, x, a_2) = 8 mu0 a_1^2 a_2^2 C / beta^3`                              (F17)

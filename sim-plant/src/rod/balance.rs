@@ -29,6 +29,7 @@ impl Rod {
         }
         self.add_elements();
         self.add_magnets();
+        self.add_contacts();
         for (motion, residual) in self.motions.iter().zip(&mut self.residual) {
             let to_body = motion.half.rotation.inverse();
             let (force, moment) = split(residual);
@@ -92,6 +93,7 @@ impl Rod {
             let zero = Matrix3::zeros();
             self.tangent.add_diagonal(index, &blocks(&zero, &zero, &zero, &turning));
         }
+        self.add_contacts_to_tangent();
     }
 
     /// Elastic tangent at rest, without inertia, damping and magnets.

@@ -34,6 +34,7 @@ use nalgebra::{Vector3, Vector6};
 use super::balance::split;
 use super::block_tridiagonal::BlockTridiagonal;
 use super::chain::{Chain, Meshing, Pose};
+use super::contact::{Contact, Contacts};
 use super::element::{Link, Strain};
 use super::energy::EnergyLedger;
 use super::magnets::Pairs;
@@ -67,8 +68,8 @@ pub struct Stepping {
     pub retardation: f64,
 }
 
-/// How a plant's rod is cut and damped.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// How a plant's rod is cut and damped, and what acts on it beside the coils.
+#[derive(Debug, Clone, PartialEq)]
 pub struct RodSettings {
     /// How finely it is cut.
     pub meshing: Meshing,
@@ -76,6 +77,8 @@ pub struct RodSettings {
     pub first_mode_damping_ratio: f64,
     /// Whether magnets feel each other.
     pub magnet_interaction: bool,
+    /// The wall about it, if any.
+    pub contact: Option<Contact>,
 }
 
 /// How a step was solved.
@@ -102,6 +105,8 @@ pub struct Rod {
     pub(super) fields: Vec<Field>,
     /// Magnets and what they do to each other.
     pub(super) pairs: Pairs,
+    /// The wall about it, if any.
+    pub(super) contacts: Option<Contacts>,
     /// Work and losses since construction or [`Self::settle`].
     pub(super) ledger: EnergyLedger,
     /// Out-of-balance forces of the bodies, then the corrections that they ask for.
@@ -130,6 +135,7 @@ impl Rod {
             strains: vec![Strain::zero(); count],
             fields: vec![Field::zero(); chain.magnets.len()],
             pairs: Pairs::new(&chain),
+            contacts: None,
             ledger: EnergyLedger::default(),
             residual: vec![Vector6::zeros(); count],
             tangent: BlockTridiagonal::new(count),
@@ -284,7 +290,7 @@ impl Rod {
             }
             let shrinkage = if iteration == 1 { 1.0 } else { (correction / last).min(1.0) };
             // What a tangent of this very iteration leaves need not be measured.
-            let left = if is_fresh { shrinkage.min(FRESH) } else { shrinkage };
+            let left = if is_fresh && !self.is_touching() { shrinkage.min(FRESH) } else { shrinkage };
             self.tangent_is_kept &= is_fresh || iteration == 1 || shrinkage < SLOW;
             // The next correction, about `correction * left`, is left out.
             if correction * left < CORRECTION_MAX {
@@ -338,6 +344,7 @@ impl Rod {
             motion.pose.rotation.renormalize_fast();
         }
         self.refresh_strains();
+        self.refresh_depths();
     }
 
     fn refresh_strains(&mut self) {

@@ -9,7 +9,7 @@
 //! an element, `dU` the change of elastic energy and `de` that of the strains, but for the third power of what the
 //! element turns within a step. So
 //!
-//! `work of the coils = d(kinetic + elastic + gravity + pairs + contact) + damping + numerical + contact's losses`     (vi)
+//! `work of the coils = d(kinetic + elastic + gravity + pairs + contact) + damping + contact + friction + numerical`     (vi)
 //!
 //! where `tau/t` of (v) is the damping's share and every term with `x` the numerical one. What is missing from (vi) is no entry
 //! of the ledger: it is the measure of its truth.
@@ -31,13 +31,15 @@ pub struct Energy {
     pub gravity: f64,
     /// Of the magnets in each other's fields, when they feel them.
     pub pairs: f64,
+    /// In the wall that the rod touches.
+    pub contact: f64,
 }
 
 impl Energy {
     /// The sum.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.kinetic + self.elastic + self.gravity + self.pairs
+        self.kinetic + self.elastic + self.gravity + self.pairs + self.contact
     }
 }
 
@@ -48,6 +50,10 @@ pub struct EnergyLedger {
     pub coils: f64,
     /// Lost in the rubber.
     pub damping: f64,
+    /// Lost in the wall that the rod touches.
+    pub contact: f64,
+    /// Lost by sliding along it.
+    pub friction: f64,
     /// Lost to the integration's own dissipation, and by stopping where a step found no solution.
     pub numerical: f64,
 }
@@ -56,7 +62,7 @@ impl EnergyLedger {
     /// All losses.
     #[must_use]
     pub fn lost(&self) -> f64 {
-        self.damping + self.numerical
+        self.damping + self.contact + self.friction + self.numerical
     }
 
     /// Loss by the dissipation in velocity and spin, given their change in the step.
@@ -77,7 +83,13 @@ impl Rod {
     /// Stored energy at the present state.
     #[must_use]
     pub fn energy(&self) -> Energy {
-        let mut energy = Energy { kinetic: 0.0, elastic: 0.0, gravity: 0.0, pairs: self.energy_of_pairs() };
+        let mut energy = Energy {
+            kinetic: 0.0,
+            elastic: 0.0,
+            gravity: 0.0,
+            pairs: self.energy_of_pairs(),
+            contact: self.energy_of_contact(),
+        };
         for (body, motion) in self.chain.bodies.iter().zip(&self.motions) {
             let spin = motion.spin;
             energy.kinetic += 0.5 * body.mass * motion.velocity.norm_squared()
@@ -99,5 +111,8 @@ impl Rod {
     /// Enters the work of the step that was just solved.
     pub(super) fn account_work(&mut self) {
         self.ledger.coils += self.work_of_coils();
+        let (damping, friction) = self.losses_of_contact();
+        self.ledger.contact += damping;
+        self.ledger.friction += friction;
     }
 }

@@ -122,7 +122,8 @@ fn mutual_inductance_is_symmetric_maxwells_and_that_of_dipoles_far_away() {
     assert!((far / dipoles - 1.0).abs() < 5e-4, "{far} {dipoles}");
 }
 
-/// Goal: the number that `docs/field.md` gives for the two air cores of the shipped rig, which face each other at 171 mm.
+/// Goal: the number that `docs/field.md` gives for the two air cores of the shipped rig, which face each
+/// other at 171 mm.
 #[test]
 fn the_shipped_air_cores_share_six_tenths_of_a_millihenry() {
     let air = Winding { inner_radius: 0.045, outer_radius: 0.063, length: 0.043, turns: 642.0 };
