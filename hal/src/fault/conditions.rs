@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use crate::message::{COILS_MAX, POSE_PARAMETERS_MAX};
 
-use super::kinds::{Condition, Fault, FaultRefusal, FaultVerb, Part};
+use super::checked::{Fault, FaultRefusal};
+use super::kinds::{Condition, FaultVerb, Part};
 use super::plan::Scheduled;
 use super::slots::{Events, Slots};
 

@@ -25,9 +25,8 @@ use serde::{Deserialize, Serialize};
 use crate::description::HardwareDescription;
 use crate::invalid::{Checks, Invalid};
 
-use super::kinds::{
-    Condition, EpochChange, Fault, FaultRefusal, FaultTarget, FaultVerb, Garbage, Part, Reach, TIME_MAX,
-};
+use super::checked::{Fault, FaultRefusal};
+use super::kinds::{Condition, EpochChange, FaultTarget, FaultVerb, Garbage, Part, Reach, TIME_MAX};
 use super::plan::{FaultPlan, Scheduled};
 use super::slots::FAULTS_MAX;
 

@@ -9,10 +9,11 @@ use crate::seeded::Seeded;
 use crate::send::HeaderWriter;
 use crate::time::Stamp;
 
+use super::checked::{Fault, FaultRefusal};
 use super::commands::Commands;
 use super::conditions::{ConditionChange, PlantFaults};
 use super::content::Possible;
-use super::kinds::{Fault, FaultRefusal, FaultTarget, Reach};
+use super::kinds::{FaultTarget, Reach};
 use super::plan::{FaultPlan, Scheduled};
 use super::setpoints::Setpoints;
 use super::slots::{Events, FaultEvent};

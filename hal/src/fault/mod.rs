@@ -59,6 +59,7 @@
 //! Several faults of one target act together, in the order in which they were given. What is random comes
 //! from the driver's seed. What is absent: a clock, a channel, an allocation after construction, a log.
 
+mod checked;
 mod commands;
 mod conditions;
 mod config;
@@ -74,12 +75,13 @@ mod stream;
 #[cfg(test)]
 mod tests;
 
+pub use checked::{Fault, FaultRefusal};
 pub use conditions::ConditionChange;
 pub use config::{FaultConfig, FaultPlanConfig, VerbName};
 pub use injector::{FaultCounts, Injector};
 pub use kinds::{
-    Condition, DELAY_MAX, DELAY_MIN, EpochChange, Fault, FaultRefusal, FaultTarget, FaultVerb, Garbage,
-    PERIOD_MAX, PERIOD_MIN, Part, RATE_MAX, RATE_MIN, Reach, SHORTED_MAX, TIME_MAX, verbs_of,
+    Condition, DELAY_MAX, DELAY_MIN, EpochChange, FaultTarget, FaultVerb, Garbage, PERIOD_MAX, PERIOD_MIN,
+    Part, RATE_MAX, RATE_MIN, Reach, SHORTED_MAX, TIME_MAX, verbs_of,
 };
 pub use plan::{FaultPlan, Scheduled};
 pub use request::{FaultAnswer, FaultRequest, action, refusal_text};

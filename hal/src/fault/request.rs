@@ -9,10 +9,9 @@ use iceoryx2::prelude::ZeroCopySend;
 use crate::description::HardwareDescription;
 use crate::time::Stamp;
 
+use super::checked::{Fault, FaultRefusal};
 use super::injector::Injector;
-use super::kinds::{
-    Condition, EpochChange, Fault, FaultRefusal, FaultTarget, FaultVerb, Garbage, Part, Reach, TIME_MAX,
-};
+use super::kinds::{Condition, EpochChange, FaultTarget, FaultVerb, Garbage, Part, Reach, TIME_MAX};
 
 /// What a [`FaultRequest`] asks for; the codes of [`FaultRequest::action`].
 pub mod action {

@@ -14,9 +14,10 @@ use crate::limits::{between, usable_period};
 use crate::message::{Actuation, COILS_MAX};
 use crate::seeded::Seeded;
 
+use super::checked::{Fault, FaultRefusal};
 use super::content::Possible;
 use super::history::History;
-use super::kinds::{Fault, FaultRefusal, FaultTarget, FaultVerb, Part};
+use super::kinds::{FaultTarget, FaultVerb, Part};
 use super::plan::Scheduled;
 use super::slots::{Events, Memory, Slots, is_off};
 

@@ -5,7 +5,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use super::kinds::{Fault, FaultRefusal};
+use super::checked::{Fault, FaultRefusal};
 use super::plan::Scheduled;
 
 /// Most faults of one target that may wait or act at a time.

@@ -12,9 +12,10 @@ use crate::seeded::Seeded;
 use crate::send::HeaderWriter;
 use crate::time::Stamp;
 
+use super::checked::{Fault, FaultRefusal};
 use super::content::{Content, Possible};
 use super::history::History;
-use super::kinds::{EpochChange, Fault, FaultRefusal, FaultVerb};
+use super::kinds::{EpochChange, FaultVerb};
 use super::plan::Scheduled;
 use super::slots::{Events, Memory, Slots, is_off};
 
