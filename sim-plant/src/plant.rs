@@ -196,6 +196,12 @@ impl Plant {
         self.rod.tip_pose()
     }
 
+    /// The true rod.
+    #[must_use]
+    pub fn rod(&self) -> &Rod {
+        &self.rod
+    }
+
     /// True currents and angles.
     #[must_use]
     pub fn actual(&self) -> &Actuation {

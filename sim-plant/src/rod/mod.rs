@@ -27,6 +27,7 @@
 
 mod balance;
 mod block_tridiagonal;
+mod centreline;
 mod chain;
 mod dynamics;
 mod element;
