@@ -25,6 +25,7 @@ use super::statistics::CycleTiming;
 use super::supervisor::{Decision, Supervisor};
 use super::watch::{DriverView, Observation};
 use crate::control::{CycleInput, CycleOutcome, Directions, Step};
+use crate::math::scramble;
 
 /// After a stall the loop acts as if at most this many periods had passed, so that it never makes up in
 /// one step of currents for what it missed.
@@ -208,6 +209,11 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         self.supervisor.has_ended(now)
     }
 
+    /// The hardware, for code that looks at it in lockstep.
+    pub fn hardware(&self) -> &H {
+        &self.hardware
+    }
+
     /// The hardware, for code that steps it in lockstep.
     pub fn hardware_mut(&mut self) -> &mut H {
         &mut self.hardware
@@ -340,6 +346,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
 
 impl Rig {
     fn authority(&self, epoch: u64) -> Authority {
+        // Scrambled, so that tokens of two processes do not meet.
         Authority { epoch, token: scramble(self.token_seed ^ epoch), validity: self.validity }
     }
 
@@ -366,11 +373,4 @@ impl Rig {
         let angles = &request.angle_rad[..self.frame_count];
         currents.iter().chain(angles).all(|value| value.is_finite())
     }
-}
-
-/// Spreads a number over all bits (the finaliser of `SplitMix64`), so that tokens of two processes do not meet.
-const fn scramble(number: u64) -> u64 {
-    let mixed = (number ^ (number >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    mixed ^ (mixed >> 31)
 }

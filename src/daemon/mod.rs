@@ -15,6 +15,7 @@
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
 //! | `target` | targets and tangents as people write and read them |
+//! | `lockstep` | the loop under stepped time: plays an experiment faster than real time |
 //! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
@@ -24,6 +25,7 @@ mod control_loop;
 #[cfg(test)]
 mod control_loop_tests;
 pub mod kernel;
+pub mod lockstep;
 mod run;
 mod runner;
 mod state;
