@@ -5,7 +5,7 @@
 //! | `x` | a point |
 //! | `P`, `T`, `r` | centreline, tangent and radius at the station nearest to its foot |
 //! | `q`, `n` | offset of `x` from the centreline across the tangent; `q / abs(q)` |
-//! | `v` | unit direction towards the viewers, across the tangent |
+//! | `v` | unit direction towards the middle of the viewers, across the tangent |
 //! | `sigma` | noise of a point |
 //! | `w(e)` | Tukey's biweight, `(1 - (e / g)^2)^2` within the gate `g`, 0 beyond |
 //!
@@ -91,7 +91,7 @@ pub(super) struct Gathered {
     sums: Vec<Sums>,
     /// `v`; zero when there are no viewers, or they look along the rod.
     towards: Vec<Vector3<f64>>,
-    viewers: Vec<Vector3<f64>>,
+    middle: Option<Vector3<f64>>,
     noise: f64,
     /// Points within the gate.
     pub inliers: usize,
@@ -101,10 +101,12 @@ pub(super) struct Gathered {
 
 impl Gathered {
     pub fn new(stations: usize, viewers: &[[f64; 3]], noise: f64) -> Self {
+        let sum: Vector3<f64> = viewers.iter().map(|viewer| Vector3::from(*viewer)).sum();
+        let middle = (!viewers.is_empty()).then(|| sum / viewers.len() as f64);
         Self {
             sums: vec![NOTHING; stations],
             towards: vec![Vector3::zeros(); stations],
-            viewers: viewers.iter().map(|viewer| Vector3::from(*viewer)).collect(),
+            middle,
             noise,
             inliers: 0,
             squares: 0.0,
@@ -120,7 +122,9 @@ impl Gathered {
     pub fn gather(&mut self, points: &mut [Seen], layout: &Layout, centreline: &Centreline, view: &View) {
         self.sums.fill(NOTHING);
         (self.inliers, self.squares) = (0, 0.0);
-        self.face_viewers(centreline);
+        if view.feet != Feet::Keep {
+            self.face_viewers(centreline);
+        }
         for point in points.iter_mut().step_by(view.stride) {
             if view.feet == Feet::Search {
                 point.station = nearest_coarse(&point.at, centreline, view.horizon);
@@ -152,14 +156,14 @@ impl Gathered {
     }
 
     fn face_viewers(&mut self, centreline: &Centreline) {
+        let Some(middle) = self.middle else { return };
         let places = centreline.position.iter().zip(&centreline.tangent);
         for (towards, (position, tangent)) in self.towards.iter_mut().zip(places) {
-            let mut sum = Vector3::zeros();
-            for viewer in &self.viewers {
-                sum += (viewer - position).try_normalize(1e-9).unwrap_or_default();
-            }
-            let across = sum - tangent * tangent.dot(&sum);
-            *towards = across.try_normalize(1e-3).unwrap_or_default();
+            let direction = middle - position;
+            let across = direction - tangent * tangent.dot(&direction);
+            let squared = across.norm_squared();
+            let is_sideways = squared > 1e-6 * direction.norm_squared();
+            *towards = if is_sideways { across / squared.sqrt() } else { Vector3::zeros() };
         }
     }
 
@@ -233,14 +237,17 @@ fn walk(point: &Seen, layout: &Layout, centreline: &Centreline, horizon: usize) 
     for _ in 0..WALK_MAX {
         let along = centreline.tangent[index].dot(&(point.at - centreline.position[index]));
         if along > 0.0 && index < horizon && along > 0.5 * layout.spans[index].length {
-            let steps = (along / layout.spans[index].length).round().max(1.0) as usize;
-            index = (index + steps).min(horizon);
+            index = (index + steps(along, layout.spans[index].length)).min(horizon);
         } else if along < 0.0 && index > 0 && -along > 0.5 * layout.spans[index - 1].length {
-            let steps = (-along / layout.spans[index - 1].length).round().max(1.0) as usize;
-            index = index.saturating_sub(steps);
+            index = index.saturating_sub(steps(-along, layout.spans[index - 1].length));
         } else {
             break;
         }
     }
     index
+}
+
+/// Whole spans nearest to a distance, at least one.
+fn steps(along: f64, span: f64) -> usize {
+    ((along / span + 0.5) as usize).max(1)
 }

@@ -1,9 +1,10 @@
 //! The rod's shape from points on its surface, by robust least squares on the centreline.
 //!
 //! 1. **Load**: points that are not finite are left out, and of a cloud beyond the capacity every n-th is taken.
-//! 2. **Begin**: from the shape found before, or, without one or when that leads nowhere, *grow* from the base: the part of the rod believed
-//!    known is lengthened in [`GROWTH_STAGES`] stages, each time with those points (some hundreds, evenly chosen) that have their feet on it.
-//! 3. **Draw in**: a few iterations with a wide gate, towards the axis as the viewers see it.
+//! 2. **Begin**: from the shape found before, or, without one or when that does not show every magnet, *grow* from the base: the part of the
+//!    rod believed known is lengthened in [`GROWTH_STAGES`] stages, each time with those points (some hundreds, evenly chosen) that have their
+//!    feet on it. What that misses is tried once more with more points and a wider gate.
+//! 3. **Draw in**: a few iterations on some hundreds of points with a wide gate, towards the axis as the viewers see it.
 //! 4. **Refine**: Gauss-Newton on the distance from the surface, Tukey's weights, until steps are small against what noise leaves uncertain.
 //! 5. **Judge**: share of the points on the surface found; for each magnet the longest stretch without points on the way, and the standard
 //!    deviation of its tangent.
@@ -26,13 +27,19 @@ use crate::description::ManipulatorDescription;
 use crate::message::{MAGNETS_MAX, MagnetPose};
 
 /// Stages of growth from the base to the tip.
-const GROWTH_STAGES: usize = 12;
-/// Iterations of each stage.
-const GROWTH_ITERATIONS: usize = 2;
-/// Points that growth makes do with, about.
-const GROWTH_POINTS: usize = 500;
+const GROWTH_STAGES: usize = 10;
+/// Most iterations of each stage.
+const GROWTH_ITERATIONS: usize = 6;
+/// A stage ends when a step is less than this many of its own standard deviations.
+const GROWN: f64 = 1.0;
+/// The second attempt's boldness, should the first fail.
+const BOLDER: usize = 3;
+/// Points that growing and drawing in make do with, about.
+const FEW: usize = 300;
 /// Least iterations that draw the centreline in before the gate narrows.
 const DRAWING_ITERATIONS: usize = 2;
+/// By how much the gate narrows at a time.
+const NARROWING: f64 = 0.5;
 /// The gate narrows when a step is less than this many of its own standard deviations.
 const DRAWN: f64 = 4.0;
 /// The iteration rests when a step is less than this share of its own standard deviation.
@@ -55,6 +62,7 @@ pub struct CloudShape {
     centreline: Centreline,
     parameters: Vec<f64>,
     step: Vec<f64>,
+    kept: Vec<f64>,
     equations: NormalEquations,
     gathered: Gathered,
     points: Vec<Seen>,
@@ -97,6 +105,7 @@ impl CloudShape {
             points: Vec::with_capacity(settings.capacity),
             parameters: vec![0.0; parameters],
             step: vec![0.0; parameters],
+            kept: vec![0.0; parameters],
             bins: bins(&layout),
             is_seen: [false; BINS],
             is_known: false,
@@ -124,14 +133,31 @@ impl CloudShape {
         }
         if self.is_known {
             let found = self.refine(Quality { is_warm: true, ..counted });
-            if found.is_ok() {
+            if is_whole(&found) {
                 return found;
             }
         }
-        self.grow();
-        let found = self.refine(counted);
-        self.is_known = found.is_ok();
+        let found = self.reconstruct_from_base(counted);
+        self.is_known = is_whole(&found);
         found
+    }
+
+    /// Tries from the base, and more boldly when that misses something; the better one counts.
+    fn reconstruct_from_base(&mut self, counted: Quality) -> Result<Reconstruction, Unreconstructed> {
+        self.grow(1);
+        let first = self.refine(counted);
+        if is_whole(&first) {
+            return first;
+        }
+        self.kept.copy_from_slice(&self.parameters);
+        self.grow(BOLDER);
+        let second = self.refine(counted);
+        if inlier_share(&second) >= inlier_share(&first) {
+            return second;
+        }
+        self.parameters.copy_from_slice(&self.kept);
+        self.model.place(&self.parameters, &self.layout, &mut self.centreline);
+        first
     }
 
     /// The centreline as found last: arc length, position and unit tangent at every station, m, world.
@@ -172,23 +198,28 @@ impl CloudShape {
         self.narrow() + 2.0 * radius
     }
 
-    /// Finds a first shape, from the base onwards.
-    fn grow(&mut self) {
+    /// Finds a first shape, from the base onwards, on `boldness` times as many points and with a gate wider by its square root.
+    fn grow(&mut self, boldness: usize) {
         self.parameters.fill(0.0);
         self.model.place(&self.parameters, &self.layout, &mut self.centreline);
         let last = self.layout.stations.len() - 1;
         let view = View {
-            gate: self.wide(),
+            gate: self.wide() * (boldness as f64).sqrt(),
             to_axis: !self.settings.viewers.is_empty(),
             feet: Feet::Search,
             horizon: last,
-            stride: (self.points.len() / GROWTH_POINTS).max(1),
+            stride: self.points.len().div_ceil(FEW * boldness),
         };
         for stage in 1..=GROWTH_STAGES {
             let horizon = last * stage / GROWTH_STAGES;
+            let mut feet = Feet::Search;
             for _ in 0..GROWTH_ITERATIONS {
                 // A step that fails leaves all as it is; the refinement judges the outcome.
-                let _ = self.iterate(&View { horizon, ..view }, 1.0);
+                let step = self.iterate(&View { horizon, feet, ..view }, 1.0);
+                if step.is_none_or(|step| step < GROWN) {
+                    break;
+                }
+                feet = Feet::Walk;
             }
         }
     }
@@ -199,7 +230,8 @@ impl CloudShape {
         let (narrow, wide) = (self.narrow(), self.wide());
         let horizon = self.layout.stations.len() - 1;
         let has_viewers = !self.settings.viewers.is_empty();
-        let mut view = View { gate: wide, to_axis: has_viewers, feet: Feet::Search, horizon, stride: 1 };
+        let stride = self.points.len().div_ceil(FEW);
+        let mut view = View { gate: wide, to_axis: has_viewers, feet: Feet::Search, horizon, stride };
         let (mut rests, mut is_kept) = (false, false);
         while quality.iterations < self.settings.iterations_max && !rests {
             let is_late = 2 * quality.iterations >= self.settings.iterations_max;
@@ -211,7 +243,10 @@ impl CloudShape {
             is_kept |= is_final && (step < NEAR || is_late);
             view.feet = if is_kept { Feet::Keep } else { Feet::Walk };
             if quality.iterations >= DRAWING_ITERATIONS && (step < DRAWN || is_late) {
-                view = View { gate: narrow.max(0.6 * view.gate), to_axis: false, ..view };
+                // The points left out so far have no feet yet.
+                let feet = if view.stride > 1 { Feet::Search } else { view.feet };
+                let gate = narrow.max(NARROWING * view.gate);
+                view = View { gate, to_axis: false, feet, stride: 1, ..view };
             }
         }
         quality.inlier_share = self.gathered.inliers as f64 / self.points.len() as f64;
@@ -309,6 +344,16 @@ impl CloudShape {
         }
         longest as f64 * bin_length
     }
+}
+
+/// True when every magnet was seen.
+fn is_whole(found: &Result<Reconstruction, Unreconstructed>) -> bool {
+    found.as_ref().is_ok_and(|found| found.magnets().iter().all(|magnet| magnet.pose.valid == 1))
+}
+
+/// That of a shape found; of none, less than any.
+fn inlier_share(found: &Result<Reconstruction, Unreconstructed>) -> f64 {
+    found.as_ref().map_or(-1.0, |found| found.quality.inlier_share)
 }
 
 /// The bin of each station.

@@ -56,7 +56,7 @@ pub struct CloudSettings {
 impl CloudSettings {
     /// Settings for a manipulator seen with `noise` (m) by `viewers` (m, world). The rest is for a soft rod that is bent by its magnets: a turn of 140
     /// degrees along the rod as the standard deviation of the curvature, twice the weight of the heaviest magnet as that of the force on
-    /// one (of the rod, when none has weight), a quarter of the rod hidden in one stretch at most, tangents to 2.5 degrees, half the points
+    /// one (what bends the rod so much, when none has weight), a quarter of the rod hidden in one stretch at most, tangents to 2.5 degrees, half the points
     /// on the surface.
     #[must_use]
     pub fn new(
@@ -66,20 +66,21 @@ impl CloudSettings {
         viewers: &[[f64; 3]],
     ) -> Self {
         let length = pieces(manipulator).last().map_or(0.0, Piece::end);
-        let masses = |part: &PartDescription| match part {
-            PartDescription::Section(section) => (0.0, section.mass_per_length * section.length),
-            PartDescription::Magnet(magnet) => (magnet.mass, magnet.mass),
-        };
-        let masses = manipulator.parts.iter().map(masses);
-        let (heaviest, total) =
-            masses.fold((0.0_f64, 0.0), |(most, sum), (magnet, part)| (most.max(magnet), sum + part));
+        let curvature = 140.0_f64.to_radians() / length;
+        let (mut heaviest, mut stiffest) = (0.0_f64, 0.0_f64);
+        for part in &manipulator.parts {
+            match part {
+                PartDescription::Section(section) => stiffest = stiffest.max(section.bending_stiffness),
+                PartDescription::Magnet(magnet) => heaviest = heaviest.max(magnet.mass),
+            }
+        }
         Self {
             kind,
             capacity: CAPACITY,
             noise,
             viewers: viewers.to_vec(),
-            curvature: 140.0_f64.to_radians() / length,
-            force: 2.0 * GRAVITY * if heaviest > 0.0 { heaviest } else { total },
+            curvature,
+            force: if heaviest > 0.0 { 2.0 * GRAVITY * heaviest } else { stiffest * curvature / length },
             unseen_max: length / 4.0,
             tangent_deviation_max: 2.5_f64.to_radians(),
             inlier_share_min: 0.5,

@@ -84,3 +84,64 @@ fn hermite(x: f64, chord: &Vector3<f64>, slopes: &[Vector3<f64>; 2]) -> Vector3<
     let rest = 1.0 - x;
     chord * (x * x * (3.0 - 2.0 * x)) + slopes[0] * (x * rest * rest) - slopes[1] * (x * x * rest)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Meshing, Rod, Stepping};
+    use super::*;
+    use crate::field::Field;
+    use crate::fixture;
+
+    /// BigMag's rod at rest under gravity, bent sideways by a uniform field on its magnets.
+    fn bent() -> Rod {
+        let description = fixture::bigmag();
+        let meshing = Meshing { element_length_max: 2.5e-3 };
+        let stepping = Stepping { step: 5e-4, retardation: 0.0 };
+        let mut rod = Rod::new(&description.manipulator, description.gravity, meshing, stepping);
+        let field = Field { flux: Vector3::new(0.0, 4e-3, 3e-3), ..Field::zero() };
+        assert!(rod.settle(|_| field));
+        rod
+    }
+
+    #[test]
+    fn magnets_and_tip_lie_on_the_centreline() {
+        let rod = bent();
+        for (pose, s) in
+            [(rod.magnet_pose(0), 27.5e-3), (rod.magnet_pose(1), 57.5e-3), (rod.tip_pose(), 60e-3)]
+        {
+            let found = rod.centreline_pose(s);
+            assert!((found.position - pose.position).norm() < 1e-12, "{s}");
+            assert!(found.rotation.angle_to(&pose.rotation) < 1e-7, "{s}");
+        }
+        assert_eq!(rod.centreline_pose(-1.0).position, Vector3::new(-0.055, 0.0, 0.0));
+        assert!((rod.centreline_pose(1.0).position - rod.tip_pose().position).norm() < 1e-12);
+    }
+
+    #[test]
+    fn centreline_runs_along_its_tangent_at_unit_speed() {
+        let rod = bent();
+        let step = 1e-5;
+        for index in 1..5999 {
+            let s = step * f64::from(index);
+            let slope = (rod.centreline_pose(s + step).position - rod.centreline_pose(s - step).position)
+                / (2.0 * step);
+            // Axial stretch under the weight, shear of the elements, and the rotation over a step.
+            let tangent = tangent(&rod.centreline_pose(s).rotation);
+            assert!((slope - tangent).norm() < 3e-3, "{s}: {}", (slope - tangent).norm());
+        }
+    }
+
+    #[test]
+    fn curvature_is_the_rate_at_which_the_frame_turns_and_none_in_magnets() {
+        let rod = bent();
+        for s in [1e-3, 0.0115, 0.024, 0.0312, 0.0506] {
+            let step = 1e-6;
+            let (before, after) = (rod.centreline_pose(s - step), rod.centreline_pose(s + step));
+            let rate = logarithm(&(before.rotation.inverse() * after.rotation)) / (2.0 * step);
+            let found = rod.centreline_curvature(s);
+            assert!((rate - found).norm() < 1e-6 * found.norm() + 1e-6, "{s}: {rate} {found}");
+            assert!(found.norm() > 0.5, "bent at {s}");
+        }
+        assert_eq!(rod.centreline_curvature(27e-3), Vector3::zeros());
+    }
+}

@@ -209,3 +209,27 @@ fn the_same_clouds_give_the_same_bits() {
     };
     assert_eq!(run(), run());
 }
+/// Goal: no placement of a hidden fifth on any of these rods leads to a wrong shape that passes for a good one, or to none.
+#[test]
+fn a_stretch_hidden_anywhere_never_misleads() {
+    type Rod = fn(f64) -> [f64; 3];
+    let rods: [Rod; 5] = [
+        loaded,
+        |s| loaded(s).map(|k| -k),
+        |s| loaded(s).map(|k| 1.3 * k),
+        |s| [loaded(s)[1], loaded(s)[0], 0.0],
+        |_| [0.0, 25.0, 0.0],
+    ];
+    for (rod, curvature) in rods.iter().enumerate() {
+        let truth = Truth::of(&manipulator(), curvature);
+        for (seed, start) in (0..=32).map(|step| (step, 0.025 * f64::from(step as u32))) {
+            let scene = Scene { outliers: 0.1, hidden: (start, start + 0.2), ..Scene::noisy(seed) };
+            let found = shape_of(&manipulator(), ARCS, NOISE).reconstruct(&scene.of(&truth));
+            let found = found.unwrap_or_else(|why| panic!("rod {rod}, hidden from {start}: {why}"));
+            for (magnet, off) in found.magnets().iter().zip(off_both(&found, &truth)) {
+                // 4 times the deviation at which a magnet counts as not seen would be 10.
+                assert!(magnet.pose.valid == 0 || off < 4.0, "rod {rod}, hidden from {start}: {off} deg");
+            }
+        }
+    }
+}
