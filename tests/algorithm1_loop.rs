@@ -1,14 +1,15 @@
 //! The daemon's loop closed with Algorithm 1's Jacobian, against the simulated rig in lockstep.
 #![cfg(feature = "sim")]
 
-#[expect(dead_code, reason = "other closed-loop tests use the rest")]
 mod rig_support;
+
+use std::ops::ControlFlow;
 
 use magsteer::control::{
     Algorithm1Config, AllocationKind, ControlConfig, JacobianKind, OrientationErrorKind, PoseSource,
 };
-use magsteer::daemon::Verb;
 use magsteer::daemon::step_response::StepResponse;
+use magsteer::daemon::{CycleRecord, Verb};
 use magsteer_hal::operator::state;
 use rig_support::{Bench, Setup};
 
@@ -76,7 +77,7 @@ fn the_age_of_the_jacobian_is_told_in_every_cycle() {
     // Nine problems, two a cycle: complete in the fifth cycle, replaced five cycles later.
     let mut bench = Bench::new(&setup(|_| ()));
     let mut ages = Vec::new();
-    bench.run(0.1, |record, _| ages.push(record.outcome.model.jacobian_age));
+    run(&mut bench, 0.1, |record| ages.push(record.outcome.model.jacobian_age));
     let first = ages.iter().position(|age| *age != u32::MAX).expect("completed");
     assert!(first <= 5, "{first}");
     let found: Vec<u32> = ages[first..].to_vec();
@@ -84,15 +85,24 @@ fn the_age_of_the_jacobian_is_told_in_every_cycle() {
     assert!(found.contains(&4) && found.contains(&8));
 }
 
+/// Runs cycles for a time.
+fn run(bench: &mut Bench, seconds: f64, mut look: impl FnMut(&CycleRecord)) {
+    let flow = bench.lockstep.run(seconds, |record, _| {
+        look(record);
+        ControlFlow::Continue(())
+    });
+    assert!(flow.is_continue());
+}
+
 /// Goal: a Jacobian older than allowed counts as no model: such a loop is never armed.
 #[test]
 fn a_jacobian_too_old_is_no_model() {
     let mut bench = Bench::new(&setup(|control| algorithm_1(control).age_max_cycles = 3));
-    bench.run(0.2, |record, _| assert!(!record.outcome.model.converged));
-    bench.request(Verb::Arm);
-    bench.run(0.3, |record, _| assert!(record.decision.state != state::ACTIVE));
-    bench.request(Verb::Go);
-    bench.run(0.3, |record, _| {
+    run(&mut bench, 0.2, |record| assert!(!record.outcome.model.converged));
+    bench.lockstep.request(Verb::Arm).expect("one a cycle");
+    run(&mut bench, 0.3, |record| assert!(record.decision.state != state::ACTIVE));
+    bench.lockstep.request(Verb::Go).expect("one a cycle");
+    run(&mut bench, 0.3, |record| {
         assert!(record.decision.state != state::ACTIVE);
         assert!(record.outcome.request.current_a.iter().all(|current| *current == 0.0));
     });
