@@ -34,7 +34,7 @@ pub enum SensorError {
 
 #[derive(Debug, Clone)]
 enum Kind {
-    Tracker(Tracker),
+    Tracker(Box<Tracker>),
     Stereo(Box<Stereo>),
     Fibre(Box<Fibre>),
 }
@@ -47,7 +47,8 @@ pub struct PoseSensor {
 }
 
 impl PoseSensor {
-    /// A sensor whose first exposure is at `start`. It knows the manipulator as described, whatever the true one is like.
+    /// A sensor whose first exposure is at `start`. It knows the manipulator as described, whatever the true
+    /// one is like.
     ///
     /// # Errors
     /// When the shape of this manipulator cannot be reconstructed from what the sensor sees.
@@ -59,7 +60,7 @@ impl PoseSensor {
     ) -> Result<Self, SensorError> {
         let (timing, kind) = match settings {
             SensorSettings::Tracker(timing, character) => {
-                (timing, Kind::Tracker(Tracker::new(*character, seed)))
+                (timing, Kind::Tracker(Box::new(Tracker::new(*character, seed))))
             }
             SensorSettings::Stereo(timing, character) => {
                 (timing, Kind::Stereo(Box::new(Stereo::new(character, manipulator, seed)?)))
