@@ -1,4 +1,5 @@
-//! The closed loop on the point cloud: the daemon's own loop and controller in lockstep with the simulated rig, which is seen by its stereo camera alone.
+//! The closed loop on the point cloud: the daemon's own loop and controller in lockstep with the simulated
+//! rig, which is seen by its stereo camera alone.
 #![cfg(feature = "sim")]
 
 mod rig_support;
@@ -19,8 +20,9 @@ fn report(name: &str, steps: &[StepResponse]) {
     }
 }
 
-/// Goal: seen at 30 Hz with 60 ms latency, as 2000 points with 0.3 mm noise of which a tenth are outliers, and with a fifth of the rod hidden, every step of the
-/// planar experiment settles within three seconds, whatever the seed, with model errors.
+/// Goal: seen at 30 Hz with 60 ms latency, as 2000 points with 0.3 mm noise of which a tenth are outliers,
+/// and with a fifth of the rod hidden, every step of the planar experiment settles within three seconds,
+/// whatever the seed, with model errors.
 #[test]
 fn planar_steps_settle_on_the_point_cloud() {
     for seed in [1, 2, 3, 4] {

@@ -1,7 +1,8 @@
 //! How long a reconstruction of the rod's shape takes: `cargo bench -p magsteer-hal`.
 //!
-//! A rod of 60 mm with two magnets, bent into an arc in a tilted plane, seen by two cameras: points with 0.3 mm noise, a tenth of them outliers. *Cold* starts from
-//! the base, *warm* from the shape of the exposure before, 3 degrees away at the tip.
+//! A rod of 60 mm with two magnets, bent into an arc in a tilted plane, seen by two cameras: points with 0.3
+//! mm noise, a tenth of them outliers. *Cold* starts from the base, *warm* from the shape of the exposure
+//! before, 3 degrees away at the tip.
 
 use divan::{Bencher, black_box};
 use magsteer_hal::description::{
@@ -110,7 +111,8 @@ impl Uniform {
     }
 }
 
-/// The half facing -y and z of a rod in an arc of `curvature` (1/m) that leaves x towards (0, 0.6, -0.8), less its ends.
+/// The half facing -y and z of a rod in an arc of `curvature` (1/m) that leaves x towards (0, 0.6, -0.8),
+/// less its ends.
 fn cloud(curvature: f64, points: usize, seed: u64) -> Vec<[f64; 3]> {
     let mut random = Uniform(seed);
     let outliers = points / 10;

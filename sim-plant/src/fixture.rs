@@ -112,7 +112,7 @@ pub fn plant_tables() -> Value {
                 "noise_across_mm": 0.3, "noise_depth_mm": 0.3,
                 "outlier_share": 0.1, "outlier_margin_mm": 10.0,
                 "occlusion": {"random": {"share": 0.2}}, "centreline": {"curvature": {"degree": 2}},
-                "tangent_deviation_max_deg": 1.5
+                "tangent_deviation_max_deg": 1.25
             }},
             "fibre": {"curvature": {
                 "rate_hz": 1000.0, "latency_ms": 2.0, "dropout_probability": 0.0, "stations": 100,

@@ -14,14 +14,14 @@
 //! e = q - r v                        residual of the axis, rows -(1 - T T^T) dP (2)
 //! ```
 //!
-//! (1) is exact: the part seen of a round rod is a strip, and its distance from the axis, not its middle, tells where the
-//! axis is. The last term is the mean of `|q|` beyond `r` that noise across the surface makes.
-//! (2) takes every point for the one nearest to the viewers. That is off by up to the radius, but draws the centreline
-//! in from afar, and to the far side of the strip; it serves until (1) can take over. Points of which `n` faces away from
-//! the viewers count in neither.
+//! (1) is exact: the part seen of a round rod is a strip, and its distance from the axis, not its middle,
+//! tells where the axis is. The last term is the mean of `|q|` beyond `r` that noise across the surface
+//! makes. (2) takes every point for the one nearest to the viewers. That is off by up to the radius, but
+//! draws the centreline in from afar, and to the far side of the strip; it serves until (1) can take over.
+//! Points of which `n` faces away from the viewers count in neither.
 //!
-//! All points of one station share its derivatives: their weights are added up first, so that the cost of the normal
-//! equations does not grow with the number of points.
+//! All points of one station share its derivatives: their weights are added up first, so that the cost of the
+//! normal equations does not grow with the number of points.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -34,7 +34,8 @@ pub(super) const TUKEY: f64 = 4.685;
 const COARSE: usize = 8;
 /// Steps from station to station towards a foot.
 const WALK_MAX: usize = 12;
-/// A surface seen may face away from the viewers by this sine, 20 degrees: noise tilts what is seen at the edge.
+/// A surface seen may face away from the viewers by this sine, 20 degrees: noise tilts what is seen at the
+/// edge.
 const AWAY: f64 = -0.35;
 
 /// A point and the station nearest to its foot.
@@ -42,7 +43,8 @@ const AWAY: f64 = -0.35;
 pub(super) struct Seen {
     pub at: Vector3<f64>,
     pub station: usize,
-    /// False when its foot lies beyond base or tip or next to a change of radius, or the surface there faces away.
+    /// False when its foot lies beyond base or tip or next to a change of radius, or the surface there faces
+    /// away.
     pub counts: bool,
 }
 
@@ -53,7 +55,8 @@ pub(super) enum Feet {
     Search,
     /// Walk on from the last one.
     Walk,
-    /// Stay, and stay in or out: nothing then steps to and fro between two iterations, which could go on for ever.
+    /// Stay, and stay in or out: nothing then steps to and fro between two iterations, which could go on for
+    /// ever.
     Keep,
 }
 

@@ -13,19 +13,20 @@
 //! a(s) = int P_j R e_a ds',  b(s) = int P_j R e_a x P ds'  from 0 to s           (3)
 //! ```
 //!
-//! (2) says that bending a little at `s'` turns all beyond it about `P(s')`. (1) is integrated with one curvature a
-//! span, (3) by the midpoint rule.
+//! (2) says that bending a little at `s'` turns all beyond it about `P(s')`. (1) is integrated with one
+//! curvature a span, (3) by the midpoint rule.
 //!
-//! Expected beforehand, for a section of length `l` and stiffness `EI` with `n` magnets beyond it, each subject to a force of the size
-//! `F`, as standard deviations:
+//! Expected beforehand, for a section of length `l` and stiffness `EI` with `n` magnets beyond it, each
+//! subject to a force of the size `F`, as standard deviations:
 //!
 //! ```text
 //! c_(g,0): k      c_(g,1): f = n F l / (2 EI)      c_(g,2): k f l / 6      c_(g,j): DECAY c_(g,j-1)      (4)
 //! ```
 //!
-//! The slope of `EI k_a` along a section is the transverse force in it, and without load on the section itself that is constant: so curvature is
-//! linear, but for the force turning against the bent section, `k_a'' = (N / EI) k_a` with the axial force `N`. This is what carries a
-//! hidden tip: the slope alone, extrapolated from points with noise, would be off by several degrees.
+//! The slope of `EI k_a` along a section is the transverse force in it, and without load on the section
+//! itself that is constant: so curvature is linear, but for the force turning against the bent section,
+//! `k_a'' = (N / EI) k_a` with the axial force `N`. This is what carries a hidden tip: the slope alone,
+//! extrapolated from points with noise, would be off by several degrees.
 
 use nalgebra::Vector3;
 

@@ -1,16 +1,20 @@
 //! The rod's shape from points on its surface, by robust least squares on the centreline.
 //!
-//! 1. **Load**: points that are not finite are left out, and of a cloud beyond the capacity every n-th is taken.
-//! 2. **Begin**: from the shape found before, or, without one or when that does not show every magnet, *grow* from the base: the part of the
-//!    rod believed known is lengthened in [`GROWTH_STAGES`] stages, each time with those points (some hundreds, evenly chosen) that have their
-//!    feet on it. What that misses is tried once more with more points and a wider gate.
-//! 3. **Draw in**: a few iterations on some hundreds of points with a wide gate, towards the axis as the viewers see it.
-//! 4. **Refine**: Gauss-Newton on the distance from the surface, Tukey's weights, until steps are small against what noise leaves uncertain.
-//! 5. **Judge**: share of the points on the surface found; for each magnet the longest stretch without points on the way, and the standard
-//!    deviation of its tangent.
+//! 1. **Load**: points that are not finite are left out, and of a cloud beyond the capacity every n-th is
+//!    taken.
+//! 2. **Begin**: from the shape found before, or, without one or when that does not show every magnet, *grow*
+//!    from the base: the part of the rod believed known is lengthened in [`GROWTH_STAGES`] stages, each time
+//!    with those points (some hundreds, evenly chosen) that have their feet on it. What that misses is tried
+//!    once more with more points and a wider gate.
+//! 3. **Draw in**: a few iterations on some hundreds of points with a wide gate, towards the axis as the
+//!    viewers see it.
+//! 4. **Refine**: Gauss-Newton on the distance from the surface, Tukey's weights, until steps are small
+//!    against what noise leaves uncertain.
+//! 5. **Judge**: share of the points on the surface found; for each magnet the longest stretch without points
+//!    on the way, and the standard deviation of its tangent.
 //!
-//! The rod's parameters are those of the model; what is expected of them beforehand enters as further rows, so that a hidden stretch
-//! is bridged by the smoothest curve and not by whatever the polynomial does.
+//! The rod's parameters are those of the model; what is expected of them beforehand enters as further rows,
+//! so that a hidden stretch is bridged by the smoothest curve and not by whatever the polynomial does.
 
 use nalgebra::Vector3;
 
@@ -121,7 +125,8 @@ impl CloudShape {
         self.is_known = false;
     }
 
-    /// Finds the shape of the rod whose surface `points` (m, world) lie on, but for outliers. The points may come in any order.
+    /// Finds the shape of the rod whose surface `points` (m, world) lie on, but for outliers. The points may
+    /// come in any order.
     ///
     /// # Errors
     /// When there are too few points, too few on any one shape, or the iteration does not come to rest.
@@ -198,7 +203,8 @@ impl CloudShape {
         self.narrow() + 2.0 * radius
     }
 
-    /// Finds a first shape, from the base onwards, on `boldness` times as many points and with a gate wider by its square root.
+    /// Finds a first shape, from the base onwards, on `boldness` times as many points and with a gate wider
+    /// by its square root.
     fn grow(&mut self, boldness: usize) {
         self.parameters.fill(0.0);
         self.model.place(&self.parameters, &self.layout, &mut self.centreline);
@@ -261,7 +267,8 @@ impl CloudShape {
         Ok(self.report(quality))
     }
 
-    /// Takes `share` of one Gauss-Newton step; returns the whole step's size in standard deviations, `sqrt(dx^T H dx)`, or `None` when there is no step to take.
+    /// Takes `share` of one Gauss-Newton step; returns the whole step's size in standard deviations,
+    /// `sqrt(dx^T H dx)`, or `None` when there is no step to take.
     fn iterate(&mut self, view: &View, share: f64) -> Option<f64> {
         self.gathered.gather(&mut self.points, &self.layout, &self.centreline, view);
         if view.gate > self.narrow() {
@@ -321,7 +328,8 @@ impl CloudShape {
         variance.sqrt() * (quality.residual_rms / self.settings.noise).max(1.0)
     }
 
-    /// Tells seen stretches from hidden ones by the inliers in them. A few points where dozens are to be expected are outliers.
+    /// Tells seen stretches from hidden ones by the inliers in them. A few points where dozens are to be
+    /// expected are outliers.
     fn count_seen(&mut self) {
         let mut counts = [0_usize; BINS];
         for (station, bin) in self.bins.iter().enumerate() {

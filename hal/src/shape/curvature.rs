@@ -2,16 +2,16 @@
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | `s_i`, `k_i` | arc length of station `i`, its reading: bending about body x and y, and twist about the tangent, 1/m |
+//! | `s_i`, `k_i` | arc length of station `i`; its reading: bending about body x and y, twist, 1/m |
 //! | `R(s)`, `p(s)` | frame and centreline, `R' = R k^`, `p' = R e_z` |
 //!
-//! Each section is cut at its stations. Over a cut the curvature is that at its middle on the straight line between the two
-//! stations about it (constant beyond the first and the last of the section), and the frame is carried by the exact exponential.
-//! Magnets are rigid: they are straight, whatever stations within them read. Error from the mesh: third order in the distance of
-//! stations where curvature is smooth.
+//! Each section is cut at its stations. Over a cut the curvature is that at its middle on the straight line
+//! between the two stations about it (constant beyond the first and the last of the section), and the frame
+//! is carried by the exact exponential. Magnets are rigid: they are straight, whatever stations within them
+//! read. Error from the mesh: third order in the distance of stations where curvature is smooth.
 //!
-//! A reading tells twist only if the sensor does (one that does not reports zero): unlike a point cloud it then sees torsion, and
-//! orientations here are those of the frame itself.
+//! A reading tells twist only if the sensor does (one that does not reports zero): unlike a point cloud it
+//! then sees torsion, and orientations here are those of the frame itself.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -61,7 +61,8 @@ pub enum CurvatureError {
 struct Cut {
     /// m
     length: f64,
-    /// The two stations between which its curvature lies, and the share of the second; `None` for a half magnet.
+    /// The two stations between which its curvature lies, and the share of the second; `None` for a half
+    /// magnet.
     between: Option<(usize, usize, f64)>,
     /// A magnet has its centre at the far end.
     is_centre: bool,
@@ -106,8 +107,8 @@ impl CurvatureShape {
         Ok(Self { base, cuts, stations: stations.len(), tip: base })
     }
 
-    /// Poses of the magnets, base to tip, from one reading a station: curvature about body x, about body y and twist, 1/m. The header is
-    /// empty.
+    /// Poses of the magnets, base to tip, from one reading a station: curvature about body x, about body y
+    /// and twist, 1/m. The header is empty.
     ///
     /// # Errors
     /// When the readings are not one a station, or one is not finite.

@@ -1,4 +1,5 @@
-//! Legendre polynomials, the basis of both centrelines: orthogonal, so that the normal equations stay well conditioned.
+//! Legendre polynomials, the basis of both centrelines: orthogonal, so that the normal equations stay well
+//! conditioned.
 
 /// Fills `values` with `P_0(x), P_1(x), ...` and `slopes` with their derivatives, by Bonnet's recurrence.
 pub(super) fn legendre(x: f64, values: &mut [f64], slopes: &mut [f64]) {

@@ -37,7 +37,8 @@ impl NormalEquations {
         self.right.fill(0.0);
     }
 
-    /// Adds residuals of a displacement: `columns` are its derivatives by the first unknowns, `weight` and `pull` are `W` and `W r`.
+    /// Adds residuals of a displacement: `columns` are its derivatives by the first unknowns, `weight` and
+    /// `pull` are `W` and `W r`.
     pub fn add_displacement(&mut self, columns: &[Vector3<f64>], weight: &Matrix3<f64>, pull: &Vector3<f64>) {
         for (product, column) in self.products.iter_mut().zip(columns) {
             *product = weight * column;
@@ -112,7 +113,8 @@ impl NormalEquations {
         x.iter().zip(&self.right).map(|(x, b)| x * b).sum()
     }
 
-    /// `a^T H^-1 a`, the variance of `a . x` when `W` is the inverse of the residuals' variance; after [`Self::factorise`].
+    /// `a^T H^-1 a`, the variance of `a . x` when `W` is the inverse of the residuals' variance; after
+    /// [`Self::factorise`].
     pub fn variance(&mut self, a: impl Iterator<Item = f64>) -> f64 {
         let size = self.size;
         let mut sum = 0.0;

@@ -10,10 +10,11 @@
 //!
 //! Departures from the paper, which prints `phi = acos(z . p')` and `k = z x p'`:
 //! - `k` is normalised, else `q` is no rotation;
-//! - `phi` comes from the arc tangent of sine and cosine: the arc cosine loses half the digits at 0 and 180 degrees;
-//! - at 0 and 180 degrees `z x p'` vanishes. Any horizontal axis serves there; that of `k_d` is taken, or x when
-//!   `k_d` is vertical. At 0 the orientation is the identity whatever the axis. At 180 the axis matters: body x
-//!   turns over with it, while the tangent, and so an axial moment, stays.
+//! - `phi` comes from the arc tangent of sine and cosine: the arc cosine loses half the digits at 0 and 180
+//!   degrees;
+//! - at 0 and 180 degrees `z x p'` vanishes. Any horizontal axis serves there; that of `k_d` is taken, or x
+//!   when `k_d` is vertical. At 0 the orientation is the identity whatever the axis. At 180 the axis matters:
+//!   body x turns over with it, while the tangent, and so an axial moment, stays.
 //!
 //! The sign rule: of `(k, phi)` and `(-k, -phi)` the one whose axis is nearer to `k_d` is taken. Both are the
 //! same turn, so `q` does not depend on it; the errors of eq. (17) do.

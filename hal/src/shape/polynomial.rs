@@ -11,9 +11,9 @@
 //! |P'(s)| = 1 within SPEED at every station                                    (2)
 //! ```
 //!
-//! (1) meets position and tangent of the clamp exactly. The points fix where the curve runs, not how fast; (2) does.
-//! Expected beforehand: `c_j` of the size of the expected curvature, each order [`DECAY`] of the one before, which keeps
-//! a hidden tip from swinging about.
+//! (1) meets position and tangent of the clamp exactly. The points fix where the curve runs, not how fast;
+//! (2) does. Expected beforehand: `c_j` of the size of the expected curvature, each order [`DECAY`] of the
+//! one before, which keeps a hidden tip from swinging about.
 
 use nalgebra::Vector3;
 

@@ -12,14 +12,14 @@ pub const CAPACITY: usize = 4096;
 /// How the centreline is parametrised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CentrelineKind {
-    /// One polynomial in space from base to tip, the paper's `P(s)`, of this degree, 3 to 12. Unit speed is asked of it, not given; the
-    /// rigidity of magnets is beyond it.
+    /// One polynomial in space from base to tip, the paper's `P(s)`, of this degree, 3 to 12. Unit speed is
+    /// asked of it, not given; the rigidity of magnets is beyond it.
     Polynomial {
         /// Degree.
         degree: usize,
     },
-    /// For each flexible section a polynomial of this degree, 0 to 6, in each of two bending curvatures; magnets are straight. Unit speed by
-    /// construction.
+    /// For each flexible section a polynomial of this degree, 0 to 6, in each of two bending curvatures;
+    /// magnets are straight. Unit speed by construction.
     Curvature {
         /// Degree.
         degree: usize,
@@ -35,17 +35,20 @@ pub struct CloudSettings {
     pub capacity: usize,
     /// Standard deviation of a point's distance from the surface, m, > 0.
     pub noise: f64,
-    /// Positions of the cameras, m, world; a point of the surface faces every one of them. May be empty: then the clamp alone tells on which
-    /// side of the seen surface the axis lies.
+    /// Positions of the cameras, m, world; a point of the surface faces every one of them. May be empty: then
+    /// the clamp alone tells on which side of the seen surface the axis lies.
     pub viewers: Vec<[f64; 3]>,
     /// Standard deviation of the curvature expected beforehand, 1/m, > 0; matters where the rod is hidden.
     pub curvature: f64,
-    /// Standard deviation of the force on a magnet, of weight, field and motion together, N, > 0: expected beforehand, it says how much a section's curvature
-    /// may change along it. Matters where the rod is hidden, and for [`CentrelineKind::Curvature`] alone.
+    /// Standard deviation of the force on a magnet, of weight, field and motion together, N, > 0: expected
+    /// beforehand, it says how much a section's curvature may change along it. Matters where the rod is
+    /// hidden, and for [`CentrelineKind::Curvature`] alone.
     pub force: f64,
-    /// Longest stretch between base and a magnet's far end that may be hidden, m, for the magnet to count as seen.
+    /// Longest stretch between base and a magnet's far end that may be hidden, m, for the magnet to count as
+    /// seen.
     pub unseen_max: f64,
-    /// Largest standard deviation of a magnet's tangent, rad, as estimated from points and noise, for the magnet to count as seen.
+    /// Largest standard deviation of a magnet's tangent, rad, as estimated from points and noise, for the
+    /// magnet to count as seen.
     pub tangent_deviation_max: f64,
     /// Least share of the points that lies on the surface found, 0 to 1.
     pub inlier_share_min: f64,
@@ -54,10 +57,11 @@ pub struct CloudSettings {
 }
 
 impl CloudSettings {
-    /// Settings for a manipulator seen with `noise` (m) by `viewers` (m, world). The rest is for a soft rod that is bent by its magnets: a turn of 140
-    /// degrees along the rod as the standard deviation of the curvature, twice the weight of the heaviest magnet as that of the force on
-    /// one (what bends the rod so much, when none has weight), a quarter of the rod hidden in one stretch at most, tangents to 2.5 degrees, half the points
-    /// on the surface.
+    /// Settings for a manipulator seen with `noise` (m) by `viewers` (m, world). The rest is for a soft rod
+    /// that is bent by its magnets: a turn of 140 degrees along the rod as the standard deviation of the
+    /// curvature, twice the weight of the heaviest magnet as that of the force on one (what bends the rod so
+    /// much, when none has weight), a quarter of the rod hidden in one stretch at most, tangents to 2.5
+    /// degrees, half the points on the surface.
     #[must_use]
     pub fn new(
         kind: CentrelineKind,

@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 
 use super::outline::Piece;
 
-/// Stations along the whole rod, about; half a millimetre for a rod of 60 mm. Between two stations the centreline leaves its tangent
-/// by `curvature x (spacing / 2)^2 / 2`: under 2 um at 50 1/m.
+/// Stations along the whole rod, about; half a millimetre for a rod of 60 mm. Between two stations the
+/// centreline leaves its tangent by `curvature x (spacing / 2)^2 / 2`: under 2 um at 50 1/m.
 const STATIONS: f64 = 120.0;
 
 /// One arc length.
@@ -42,8 +42,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Stations at every joint of two pieces, at the magnets' centres, and evenly in between. Points within `noise` of a change of radius
-    /// are not to be used.
+    /// Stations at every joint of two pieces, at the magnets' centres, and evenly in between. Points within
+    /// `noise` of a change of radius are not to be used.
     pub fn new(pieces: Vec<Piece>, noise: f64) -> Self {
         let length = pieces.last().map_or(0.0, Piece::end);
         let first =

@@ -67,7 +67,8 @@ pub struct PointCloudConfig {
     pub occlusion: OcclusionConfig,
     /// The curve that is laid through the points.
     pub centreline: CentrelineConfig,
-    /// A magnet of which the tangent is known less well than this (estimated standard deviation) counts as not seen, deg, > 0, up to 90.
+    /// A magnet of which the tangent is known less well than this (estimated standard deviation) counts as
+    /// not seen, deg, > 0, up to 90.
     pub tangent_deviation_max_deg: f64,
 }
 

@@ -1,9 +1,9 @@
 //! The rod between its bodies: pose and curvature at any arc length.
 //!
-//! Arc length counts along the unstretched rod from the base. Within a body the rod is straight. Within an element it is
-//! that of constant curvature `phi / h` which the element's strains mean: the rotation a share `x` along it is
-//! `R_i exp(x phi)`, and the position the cubic that meets both ends with their tangents, off the arc by
-//! `h phi^4 / 384 / 4` (1e-9 m for ten degrees an element of 2.5 mm).
+//! Arc length counts along the unstretched rod from the base. Within a body the rod is straight. Within an
+//! element it is that of constant curvature `phi / h` which the element's strains mean: the rotation a share
+//! `x` along it is `R_i exp(x phi)`, and the position the cubic that meets both ends with their tangents, off
+//! the arc by `h phi^4 / 384 / 4` (1e-9 m for ten degrees an element of 2.5 mm).
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -37,7 +37,8 @@ impl Rod {
         }
     }
 
-    /// Curvature about body x and y and twist about the tangent at the arc length `s` (m), 1/m; zero in magnets.
+    /// Curvature about body x and y and twist about the tangent at the arc length `s` (m), 1/m; zero in
+    /// magnets.
     #[must_use]
     pub fn centreline_curvature(&self, s: f64) -> Vector3<f64> {
         match self.place(s) {

@@ -1,7 +1,7 @@
 //! When a sensor looks, and the messages that are under way.
 //!
-//! Terms: an *exposure* is the moment at which the shape was true; it is the message's source stamp. A message is *due* one
-//! latency after. A *drop-out* loses a whole exposure.
+//! Terms: an *exposure* is the moment at which the shape was true; it is the message's source stamp. A
+//! message is *due* one latency after. A *drop-out* loses a whole exposure.
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -1,8 +1,9 @@
 //! A fibre in the rod's core that feels curvature at stations along it, as by Bragg gratings.
 //!
-//! `k_i = kappa(s_i) + o_i + e_i`: the true curvature at station `i`, an offset that a station keeps (drawn once from the seed, what calibration
-//! leaves over), and noise of each exposure; all normal and independent, about body x and y and, when the fibre tells twist, about the
-//! tangent. Stations lie in the middle of equal stretches from base to tip.
+//! `k_i = kappa(s_i) + o_i + e_i`: the true curvature at station `i`, an offset that a station keeps (drawn
+//! once from the seed, what calibration leaves over), and noise of each exposure; all normal and independent,
+//! about body x and y and, when the fibre tells twist, about the tangent. Stations lie in the middle of equal
+//! stretches from base to tip.
 
 use magsteer_hal::PoseMessage;
 use magsteer_hal::description::{ManipulatorDescription, PartDescription};

@@ -47,7 +47,8 @@ pub struct PoseSensor {
 }
 
 impl PoseSensor {
-    /// A sensor whose first exposure is at `start`. It knows the manipulator as described, whatever the true one is like.
+    /// A sensor whose first exposure is at `start`. It knows the manipulator as described, whatever the true
+    /// one is like.
     ///
     /// # Errors
     /// When the shape of this manipulator cannot be reconstructed from what the sensor sees.

@@ -8,16 +8,18 @@
 //! | `a`, `d` | noise across and along the line of sight, m |
 //!
 //! ```text
-//! x = P(s) + r(s) n + a g + (d - a)(g . u) u,   g standard normal        (2)
+//! x = P(s) + r(s) n + a g + (d - a)(g . u) u,   g standard normal        (1)
 //! seen when n . (v_k - x) > 0 for every camera k, and s outside the hidden stretch
 //! ```
 //!
-//! `(s, n)` is uniform over the area of the surface. A camera delivers so many points an exposure: as many are drawn that both sides
-//! see (fewer when the rod points at the cameras); those in the hidden stretch are then lost, so that a hidden rod gives fewer. Outliers are uniform
-//! in the rod's bounding box and a margin about it; they replace the stated share of the points.
+//! `(s, n)` is uniform over the area of the surface. A camera delivers so many points an exposure: as many
+//! are drawn that both sides see (fewer when the rod points at the cameras); those in the hidden stretch are
+//! then lost, so that a hidden rod gives fewer. Outliers are uniform in the rod's bounding box and a margin
+//! about it; they replace the stated share of the points.
 //!
-//! Noise here is what segmentation and matching leave over; where they fail altogether it is an outlier or hidden. Left out: lens distortion, an error
-//! of calibration common to all points, one part of the rod hiding another, the flat faces of magnets and tip.
+//! Noise here is what segmentation and matching leave over; where they fail altogether it is an outlier or
+//! hidden. Left out: lens distortion, an error of calibration common to all points, one part of the rod
+//! hiding another, the flat faces of magnets and tip.
 
 use magsteer_hal::PoseMessage;
 use magsteer_hal::description::{ManipulatorDescription, PartDescription};
@@ -33,10 +35,11 @@ use crate::rod::{Pose, Rod};
 
 /// Stream of the plant's seed from which the camera draws.
 const RANDOM_STREAM: u64 = 2;
-/// Places along the rod from which points are drawn: a quarter of a millimetre apart on a rod of 60 mm, so that the centreline leaves its tangent by less
-/// than 1 um.
+/// Places along the rod from which points are drawn: a quarter of a millimetre apart on a rod of 60 mm, so
+/// that the centreline leaves its tangent by less than 1 um.
 const PLACES: usize = 240;
-/// Draws spent for one point, of which about three are needed when the rod lies across the line of sight; a point that none finds is missing.
+/// Draws spent for one point, of which about three are needed when the rod lies across the line of sight; a
+/// point that none finds is missing.
 const DRAWS_MAX: usize = 20;
 
 /// The stretch of the rod that something hides from the cameras, as shares of its length.
@@ -197,7 +200,7 @@ impl Stereo {
         let g = Vector3::from([0; 3].map(|_| StandardNormal.sample(&mut self.random)));
         let (across, depth) = (self.character.noise_across, self.character.noise_depth);
         let u = (self.middle - surface).try_normalize(0.0).unwrap_or_default();
-        g * across + u * ((depth - across) * g.dot(&u)) // (2)
+        g * across + u * ((depth - across) * g.dot(&u)) // (1)
     }
 }
 

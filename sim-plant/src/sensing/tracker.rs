@@ -1,7 +1,7 @@
 //! The direct tracker: sees all magnets' poses, with noise.
 //!
-//! Noise turns each tangent by two independent normal angles about the body's transverse axes, each of the configured standard
-//! deviation, and moves each coordinate likewise.
+//! Noise turns each tangent by two independent normal angles about the body's transverse axes, each of the
+//! configured standard deviation, and moves each coordinate likewise.
 
 use magsteer_hal::{MAGNETS_MAX, MagnetPose, PoseMessage};
 use nalgebra::{UnitQuaternion, Vector3};

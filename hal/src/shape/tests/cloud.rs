@@ -1,4 +1,5 @@
-//! Goal: from points on the surface to the centreline and the magnets' tangents, against curves known otherwise.
+//! Goal: from points on the surface to the centreline and the magnets' tangents, against curves known
+//! otherwise.
 
 use nalgebra::Vector3;
 
@@ -209,7 +210,8 @@ fn the_same_clouds_give_the_same_bits() {
     };
     assert_eq!(run(), run());
 }
-/// Goal: no placement of a hidden fifth on any of these rods leads to a wrong shape that passes for a good one, or to none.
+/// Goal: no placement of a hidden fifth on any of these rods leads to a wrong shape that passes for a good
+/// one, or to none.
 #[test]
 fn a_stretch_hidden_anywhere_never_misleads() {
     type Rod = fn(f64) -> [f64; 3];

@@ -1,4 +1,5 @@
-//! Reconstruction against rods whose shape is known otherwise: analytic curves, and fine integration by another rule.
+//! Reconstruction against rods whose shape is known otherwise: analytic curves, and fine integration by
+//! another rule.
 
 mod cloud;
 mod curvature;

@@ -56,8 +56,9 @@ pub(super) struct Truth {
 const STEPS: usize = 6000;
 
 impl Truth {
-    /// Integrates `curvature(s)` (about body x, body y and twist, 1/m), which magnets do not follow. Rotates the three body axes by the midpoint rule, with another formula
-    /// than the code under test: 1e-5 m steps leave 1e-9.
+    /// Integrates `curvature(s)` (about body x, body y and twist, 1/m), which magnets do not follow. Rotates
+    /// the three body axes by the midpoint rule, with another formula than the code under test: 1e-5 m steps
+    /// leave 1e-9.
     pub fn of(manipulator: &ManipulatorDescription, curvature: impl Fn(f64) -> [f64; 3]) -> Self {
         let mut ends = Vec::new();
         let mut length = 0.0;

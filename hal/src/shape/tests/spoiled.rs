@@ -1,4 +1,5 @@
-//! Goal: whatever the cloud holds, the outcome is an answer or a named reason, never a panic, and the next good cloud is reconstructed.
+//! Goal: whatever the cloud holds, the outcome is an answer or a named reason, never a panic, and the next
+//! good cloud is reconstructed.
 
 use super::rods::{NOISE, Scene, Truth, VIEWERS, manipulator};
 use crate::description::{ManipulatorDescription, PartDescription};
