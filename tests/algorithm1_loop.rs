@@ -1,7 +1,6 @@
 //! The daemon's loop closed with Algorithm 1's Jacobian, against the simulated rig in lockstep.
 #![cfg(feature = "sim")]
 
-#[expect(dead_code, reason = "other closed-loop tests use the rest")]
 mod rig_support;
 
 use magsteer::control::{
