@@ -2,12 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use magsteer::config::Document;
 use magsteer::control::Directions;
 use magsteer::daemon::lockstep::Lockstep;
 use magsteer::daemon::{CycleRecord, Verb};
 use magsteer_hal::MAGNETS_MAX;
-use magsteer_hal::fault::{FaultPlanConfig, Injector, Reach};
 use magsteer_hal::operator::{Cause, state};
 use magsteer_sim_plant::SimulatedRig;
 use magsteer_sim_plant::ramp;
@@ -70,14 +68,8 @@ impl Episode {
         let text = format!(
             "description = ''\n[[faults]]\nat_s = {ONSET}\nlasting = true\ntarget = '{target}'\n{verb}\n"
         );
-        let document = Document::from_text("plan.toml", text).unwrap_or_else(|problems| panic!("{problems}"));
-        let config: FaultPlanConfig = document.read().unwrap_or_else(|problems| panic!("{problems}"));
-        let rig = &setup.config.description;
-        let plan = config.build(rig, Reach::Plant).unwrap_or_else(|refused| panic!("{refused:?}"));
-        let mut bench = Bench::new(&setup);
+        let mut bench = Bench::with_faults(&setup, Some(&text));
         let lockstep = &mut bench.lockstep;
-        let injector = Injector::new(rig, &plan, setup.plant.seed);
-        lockstep.control_loop_mut().hardware_mut().allow_faults(injector);
         let mut episode = Self {
             what: format!("{target}, {}", verb.replace('\n', ", ")),
             entered: Vec::new(),

@@ -8,6 +8,8 @@ use magsteer::config::{Config, Document, Experiment, ExperimentStep};
 use magsteer::control::{Cycle, Directions};
 use magsteer::daemon::lockstep::{Lockstep, PlayEnd, TimedTarget};
 use magsteer::daemon::step_response::StepResponse;
+use magsteer::daemon::{CycleRecord, Verb};
+use magsteer_hal::fault::{FaultPlanConfig, Injector, Reach};
 use magsteer_sim_plant::{PlantConfig, SimulatedRig};
 
 /// A configuration of the rig and its plant.
@@ -43,6 +45,11 @@ pub struct Bench {
 
 impl Bench {
     pub fn new(setup: &Setup) -> Self {
+        Self::with_faults(setup, None)
+    }
+
+    /// With a fault plan as its file has it; times count from the first cycle.
+    pub fn with_faults(setup: &Setup, plan: Option<&str>) -> Self {
         let config = setup.config.clone();
         let rig = &config.description;
         let plant = setup.plant.build(rig).expect("shipped");
@@ -50,8 +57,30 @@ impl Bench {
         let control = config.control.clone().expect("has a controller");
         let daemon = config.daemon.clone().expect("has a daemon");
         let cycle = Cycle::new(&control, rig, manipulator);
-        let lockstep = Lockstep::new(SimulatedRig::new(plant, rig), cycle, rig, &daemon);
+        let mut hardware = SimulatedRig::new(plant, rig);
+        if let Some(plan) = plan {
+            let document =
+                Document::from_text("plan.toml", plan).unwrap_or_else(|problems| panic!("{problems}"));
+            let plan: FaultPlanConfig = document.read().unwrap_or_else(|problems| panic!("{problems}"));
+            let plan = plan.build(rig, Reach::Plant).unwrap_or_else(|refused| panic!("{refused:?}"));
+            hardware.allow_faults(Injector::new(rig, &plan, setup.plant.seed));
+        }
+        let lockstep = Lockstep::new(hardware, cycle, rig, &daemon);
         Self { lockstep, config }
+    }
+
+    /// Runs cycles for a time.
+    pub fn run(&mut self, seconds: f64, mut look: impl FnMut(&CycleRecord, &SimulatedRig)) {
+        let flow = self.lockstep.run(seconds, |record, rig| {
+            look(record, rig);
+            ControlFlow::Continue(())
+        });
+        assert!(flow.is_continue());
+    }
+
+    /// Asks for something in the next cycle.
+    pub fn request(&mut self, verb: Verb) {
+        self.lockstep.request(verb).expect("one request a cycle");
     }
 
     /// Commands that broke a limit, as the plant counts them.
