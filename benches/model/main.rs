@@ -7,7 +7,6 @@
 mod algorithm;
 mod mesh;
 mod recorded;
-#[expect(dead_code, reason = "the closed-loop tests use the rest")]
 #[path = "../../tests/rig_support/mod.rs"]
 mod rig_support;
 mod scaling;

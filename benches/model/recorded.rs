@@ -1,5 +1,6 @@
 //! Inputs of the control cycle as they were in a closed loop with the simulated rig.
 
+use std::ops::ControlFlow;
 use std::sync::LazyLock;
 use std::time::Instant;
 
@@ -29,16 +30,20 @@ pub static RECORDING: LazyLock<Recording> = LazyLock::new(Recording::take);
 impl Recording {
     fn take() -> Self {
         let setup = Setup::shipped("bigmag-planar.toml");
-        let mut bench = Bench::new(&setup);
+        let mut lockstep = Bench::new(&setup).lockstep;
         let mut inputs = Vec::new();
-        bench.run(0.3, |record, _| inputs.push(record.input));
-        bench.request(Verb::Arm);
-        bench.run(0.3, |record, _| inputs.push(record.input));
-        bench.request(Verb::Go);
-        bench.run(0.1, |record, _| inputs.push(record.input));
+        let mut run = |verb: Option<Verb>, seconds: f64| {
+            verb.into_iter().for_each(|verb| lockstep.request(verb).expect("one request a cycle"));
+            let _ = lockstep.run(seconds, |record, _| {
+                inputs.push(record.input);
+                ControlFlow::Continue(())
+            });
+        };
+        run(None, 0.3);
+        run(Some(Verb::Arm), 0.3);
+        run(Some(Verb::Go), 0.1);
         for angles in TARGETS_DEG {
-            bench.request(Verb::SetTarget(directions(angles)));
-            bench.run(TARGET_LASTS, |record, _| inputs.push(record.input));
+            run(Some(Verb::SetTarget(directions(angles))), TARGET_LASTS);
         }
         let start = inputs.iter().position(|input| input.engaged).expect("the loop steers");
         let steering = inputs.split_off(start);

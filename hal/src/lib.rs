@@ -12,6 +12,7 @@ pub mod channels;
 pub mod config;
 pub mod conformance;
 pub mod description;
+pub mod fault;
 pub mod gate;
 pub mod guard;
 pub mod hardware;
@@ -21,7 +22,6 @@ pub mod message;
 pub mod operator;
 pub mod receive;
 pub mod scripted;
-#[cfg(test)]
 mod seeded;
 pub mod send;
 pub mod time;

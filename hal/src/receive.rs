@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use crate::description::HardwareDescription;
+use crate::description::{HardwareDescription, Workspace};
 use crate::hardware::{Absent, Reading};
 use crate::message::{
     COILS_MAX, CoilFeedback, Header, MAGNETS_MAX, MagnetPose, POSE_PARAMETERS_MAX, PoseMessage, SCHEMA,
@@ -19,6 +19,10 @@ pub const FUTURE_TOLERANCE: Duration = Duration::from_millis(1);
 
 /// How far a quaternion's norm may lie off 1; within it is normalised at receipt.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
+
+/// A magnet is believed up to so many radii of the workspace from its centre. What left the workspace by less is for
+/// the field model's range to judge; what lies further off is a sensor's mistake.
+pub const POSITION_RADII_MAX: f64 = 2.0;
 
 /// A message that begins with the common header.
 trait Headed: Copy {
@@ -98,6 +102,7 @@ impl<M: Headed> Track<M> {
 #[derive(Debug, Clone)]
 pub struct PoseReceiver {
     magnet_count: u32,
+    workspace: Workspace,
     track: Track<PoseMessage>,
 }
 
@@ -106,7 +111,7 @@ impl PoseReceiver {
     #[must_use]
     pub fn new(description: &HardwareDescription) -> Self {
         let magnet_count = count(description.magnets().count(), MAGNETS_MAX);
-        Self { magnet_count, track: Track::new() }
+        Self { magnet_count, workspace: description.workspace.clone(), track: Track::new() }
     }
 
     /// The reading at `now`, given the newest message received since the former one, if any.
@@ -139,19 +144,23 @@ impl PoseReceiver {
         let used = self.magnet_count as usize;
         for (index, (pose, checked)) in message.magnets.iter().zip(&mut usable.magnets).take(used).enumerate()
         {
-            *checked = usable_pose(pose, count(index, MAGNETS_MAX))?;
+            *checked = usable_pose(pose, &self.workspace, count(index, MAGNETS_MAX))?;
         }
         Ok(usable)
     }
 }
 
-fn usable_pose(pose: &MagnetPose, index: u32) -> Result<MagnetPose, Absent> {
+fn usable_pose(pose: &MagnetPose, workspace: &Workspace, index: u32) -> Result<MagnetPose, Absent> {
     match pose.valid {
         0 => return Err(Absent::NotSeen { magnet: index }),
         1 => (),
         _ => return Err(Absent::Implausible { what: "valid flag", index }),
     }
-    if !pose.position_m.iter().all(|value| value.is_finite()) {
+    let offsets = pose.position_m.iter().zip(&workspace.center).map(|(value, center)| value - center);
+    let distance = offsets.map(|offset| offset * offset).sum::<f64>().sqrt();
+    // Written so that a distance that is not a number is refused too.
+    let near = distance <= POSITION_RADII_MAX * workspace.radius;
+    if !near {
         return Err(Absent::Implausible { what: "position", index });
     }
     let norm = pose.orientation_xyzw.iter().map(|value| value * value).sum::<f64>().sqrt();

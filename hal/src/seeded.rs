@@ -1,10 +1,23 @@
-//! Seeded numbers for tests: Steele, Lea and Flood's SplitMix64, 2014.
+//! Seeded numbers: Steele, Lea and Flood's SplitMix64, 2014.
 
+/// A sequence of numbers that its seed repeats bit for bit.
+#[derive(Debug, Clone)]
 pub(crate) struct Seeded(u64);
 
 impl Seeded {
     pub(crate) const fn new(seed: u64) -> Self {
         Self(seed)
+    }
+
+    /// One of the independent sequences of a seed, by its number.
+    pub(crate) const fn stream(seed: u64, number: u64) -> Self {
+        let mut numbers = Self::new(number);
+        Self::new(seed ^ numbers.bits())
+    }
+
+    /// A sequence of its own, that this one's next number begins.
+    pub(crate) const fn fork(&mut self) -> Self {
+        Self::new(self.bits())
     }
 
     pub(crate) const fn bits(&mut self) -> u64 {
@@ -27,6 +40,7 @@ impl Seeded {
     }
 
     /// One of `0..count`.
+    #[cfg(test)]
     pub(crate) const fn below(&mut self, count: u64) -> u64 {
         self.bits() % count
     }

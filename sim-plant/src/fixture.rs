@@ -67,13 +67,40 @@ pub fn bigmag_config() -> HardwareConfig {
     serde_json::from_value(value).expect("the fixture is a hardware configuration")
 }
 
-/// The `[plant]` tables with which the shipped rigs run, without parameter errors.
+/// The `[plant]` tables with which the shipped rigs run, without parameter errors: coils share no flux and keep
+/// their resistance, currents and angles are measured as they are, and gears have no play.
 pub fn plant_tables() -> Value {
     json!({
         "seed": 1, "step_us": 500, "sensor": "tracker",
-        "rod": {"element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2},
-        "amplifier": {"bandwidth_hz": 200.0},
-        "errors": {"modulus_relative": 0.0, "moment_relative": 0.0, "coil_gain_relative": 0.0},
+        "rod": {
+            "element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2, "magnet_interaction": true,
+            "contact": "none"
+        },
+        "amplifier": {
+            "bandwidth_hz": 200.0, "current_gain_relative": 0.0, "current_offset_a": 0.0,
+            "current_noise_a": 0.0, "current_step_a": 0.0
+        },
+        "winding": {
+            "ambient_celsius": 20.0, "reference_celsius": 20.0, "resistance_coefficient_per_k": 0.0,
+            "thermal_resistance_k_per_w": 0.5, "heat_capacity_j_per_k": 800.0
+        },
+        "coupling": [],
+        "motor": {"acceleration_max_deg_per_s2": 200.0, "backlash_deg": 0.0, "encoder_step_deg": 0.0},
+        "driver": {
+            "follow_error_max_a": 1.0, "idle_current_max_a": 0.1, "follow_error_time_ms": 100.0,
+            "frame_error_max_deg": 20.0, "frame_error_time_ms": 500.0,
+            "temperature_max_celsius": 110.0, "temperature_release_celsius": 90.0
+        },
+        "field": {
+            "air": {"winding": {
+                "inner_radius_mm": 45.0, "outer_radius_mm": 63.0, "length_mm": 43.0, "turns": 642.0
+            }},
+            "iron": {"core": {"saturation_knee_a": 12.5}}
+        },
+        "errors": {
+            "modulus_relative": 0.0, "moment_relative": 0.0, "coil_gain_relative": 0.0,
+            "coil_axis_deg": 0.0, "coil_position_mm": 0.0
+        },
         "sensors": {
             "tracker": {
                 "rate_hz": 200.0, "latency_ms": 5.0, "orientation_noise_deg": 0.2,
@@ -100,6 +127,7 @@ pub fn cantilever(section: SectionDescription) -> HardwareDescription {
         workspace: Workspace { center: [0.0; 3], radius: 10.0 },
         gravity: [0.0; 3],
         frames: Vec::new(),
+        coil_types: vec!["air".to_owned(), "iron".to_owned()],
         coils: Vec::new(),
         manipulator: ManipulatorDescription {
             base_position: [0.0; 3],

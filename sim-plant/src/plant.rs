@@ -12,12 +12,13 @@ use std::time::Duration;
 
 use magsteer_hal::message::driver_state;
 use magsteer_hal::{
-    Actuation, CoilCommand, CoilFeedback, CommandGuard, HardwareDescription, PoseMessage, Refusal, Stamp,
+    Actuation, CoilCommand, CoilFeedback, CommandGuard, HardwareDescription, PoseMessage, Refusal, Setpoint,
+    Stamp,
 };
 
-use crate::actuation::{ActuationSettings, Actuators};
+use crate::actuation::{ActuationSettings, Actuators, CoilCondition, Fault, FrameCondition, fault_code};
 use crate::errors::ErrorMagnitudes;
-use crate::field::CoilArray;
+use crate::field::{CoilArray, CoilTruth};
 use crate::ramp::{Ramp, RampWatch};
 use crate::rod::{Pose, Rod, RodSettings, Stepping};
 use crate::sensing::{PoseSensor, SensorCharacter, message_of};
@@ -33,6 +34,8 @@ pub struct Settings {
     pub rod: RodSettings,
     /// Amplifiers and motors.
     pub actuation: ActuationSettings,
+    /// What each coil is in truth, in the order of the description.
+    pub coil_truths: Vec<CoilTruth>,
     /// How far the true parameters are off.
     pub errors: ErrorMagnitudes,
     /// The sensor that is mounted.
@@ -61,6 +64,12 @@ pub struct Counts {
     pub steps_outside_field_model: u64,
     /// Largest magnitude of any coil's current, A.
     pub current_max: f64,
+    /// Highest temperature of any coil, K; `None` before the first step and on a rig without any.
+    pub coil_temperature_max: Option<f64>,
+    /// Faults that the driver found with its own hardware.
+    pub driver_faults: u64,
+    /// The last of them.
+    pub last_driver_fault: Option<Fault>,
 }
 
 /// The simulated rig.
@@ -85,12 +94,14 @@ impl Plant {
     pub fn new(description: &HardwareDescription, settings: &Settings) -> Result<Self, PlantError> {
         let step = settings.step.as_secs_f64();
         let parameters = settings.errors.apply(description, settings.seed);
-        let actuators = Actuators::new(description, &settings.actuation, step);
+        let actuators = Actuators::new(description, &settings.actuation, step, settings.seed);
         let actual = actuators.actual();
-        let mut array = CoilArray::new(description, &parameters.coil_gains);
-        array.actuate(&actual.current_a, &actual.angle_rad);
+        let mut array = CoilArray::new(description, &settings.coil_truths, &parameters.coils);
+        array.actuate(actuators.field_currents(), &actual.angle_rad);
         let undamped = Stepping { step, retardation: 0.0 };
         let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);
+        rod.set_magnet_interaction(settings.rod.magnet_interaction);
+        rod.set_contact(settings.rod.contact.clone());
         if rod.moving_mass() <= 0.0 {
             return Err(PlantError::Weightless);
         }
@@ -103,7 +114,7 @@ impl Plant {
         Ok(Self {
             now: Stamp::default(),
             step: settings.step,
-            guard: CommandGuard::new(description, &actual.angle_rad),
+            guard: CommandGuard::new(description, &actuators.measured().angle_rad),
             actuators,
             array,
             rod,
@@ -144,14 +155,23 @@ impl Plant {
 
     /// Advances everything by one fixed step.
     pub fn advance(&mut self) {
+        self.advance_through(|setpoint, _| *setpoint);
+    }
+
+    /// As [`Plant::advance`], with `alter` between the guard's set point of the new time and what amplifiers and motors
+    /// follow: where faults of actuators act.
+    pub fn advance_through(&mut self, alter: impl FnOnce(&Setpoint, Stamp) -> Setpoint) {
         self.now = self.now.after(self.step);
         let setpoint = self.guard.setpoint(self.now, self.step.as_secs_f64());
-        self.actuators.follow(&setpoint);
-        let actual = self.actuators.actual();
-        self.array.actuate(&actual.current_a, &actual.angle_rad);
+        let found = self.actuators.obey(&alter(&setpoint, self.now), &setpoint);
+        if self.actuators.fault().is_some() {
+            // As long as it stands: a claim meanwhile is granted nothing.
+            self.guard.trip();
+        }
+        self.array.actuate(self.actuators.field_currents(), &self.actuators.actual().angle_rad);
         let array = &self.array;
         let solve = self.rod.step(|point| array.at(point));
-        self.count(solve.converged);
+        self.count(solve.converged, found);
         self.ramp.step(self.is_driven(), &self.actuators.actual().current_a, self.now);
         if self.sensor.wants_exposure(self.now) {
             let rod = &self.rod;
@@ -172,10 +192,15 @@ impl Plant {
         self.sensor.take_due(self.now)
     }
 
-    /// Currents, angles and the guard's state at the plant's clock; the header has only the source stamp.
+    /// Measured currents and angles, the driver's fault and the guard's state at the plant's clock; the header
+    /// has only the source stamp.
     #[must_use]
     pub fn feedback(&self) -> CoilFeedback {
-        let mut feedback = CoilFeedback { measured: *self.actuators.actual(), ..CoilFeedback::default() };
+        let mut feedback = CoilFeedback {
+            measured: *self.actuators.measured(),
+            fault: self.actuators.fault().map_or(fault_code::NONE, Fault::code),
+            ..CoilFeedback::default()
+        };
         self.guard.report(&mut feedback);
         feedback.header.source_stamp_ns = self.now.nanoseconds();
         feedback
@@ -232,6 +257,23 @@ impl Plant {
         crate::ramp::is_zero(&self.actuators.actual().current_a)
     }
 
+    /// Coils, amplifiers, motors and the driver's watch over them.
+    #[must_use]
+    pub fn actuators(&self) -> &Actuators {
+        &self.actuators
+    }
+
+    /// Sets what is wrong with a coil or its amplifier from now on. False, and nothing done, when there is no
+    /// such coil or the condition is [not valid](CoilCondition::is_valid).
+    pub fn set_coil_condition(&mut self, coil: usize, condition: CoilCondition) -> bool {
+        self.actuators.set_coil_condition(coil, condition)
+    }
+
+    /// Sets what is wrong with a frame from now on. False when there is no such frame.
+    pub fn set_frame_condition(&mut self, frame: usize, condition: FrameCondition) -> bool {
+        self.actuators.set_frame_condition(frame, condition)
+    }
+
     /// Cuts the amplifiers.
     pub fn trip(&mut self) {
         self.guard.trip();
@@ -245,12 +287,18 @@ impl Plant {
         self.rod.settle(|point| array.at(point))
     }
 
-    fn count(&mut self, is_solved: bool) {
+    fn count(&mut self, is_solved: bool, found: Option<Fault>) {
         self.counts.steps += 1;
         self.counts.steps_unsolved += u64::from(!is_solved);
         self.counts.steps_outside_field_model += u64::from(!self.rod.field_was_valid());
         for current in self.actuators.actual().current_a {
             self.counts.current_max = self.counts.current_max.max(current.abs());
         }
+        if let Some((_, hottest)) = self.actuators.hottest() {
+            let most = self.counts.coil_temperature_max.unwrap_or(hottest);
+            self.counts.coil_temperature_max = Some(most.max(hottest));
+        }
+        self.counts.driver_faults += u64::from(found.is_some());
+        self.counts.last_driver_fault = found.or(self.counts.last_driver_fault);
     }
 }

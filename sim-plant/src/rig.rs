@@ -5,6 +5,7 @@
 //! The first read starts the clock and finds nothing.
 
 use magsteer_hal::conformance::Stepped;
+use magsteer_hal::fault::Injector;
 use magsteer_hal::scripted::Loopback;
 use magsteer_hal::{
     AdmittedCommand, CoilFeedback, Hardware, HardwareDescription, PoseMessage, Sensed, Stamp, WriteError,
@@ -39,36 +40,47 @@ impl SimulatedRig {
         &self.plant
     }
 
-    /// The newest messages that came about on the way to `now`.
-    fn advance_to(&mut self, now: Stamp) -> (Option<PoseMessage>, Option<CoilFeedback>) {
+    /// From now on faults happen on the driver's side.
+    pub fn allow_faults(&mut self, injector: Injector) {
+        self.loopback.allow_faults(injector);
+    }
+
+    /// What makes faults happen, where they are allowed.
+    pub fn faults(&mut self) -> Option<&mut Injector> {
+        self.loopback.faults()
+    }
+
+    /// Publishes what comes about on the way to `now`.
+    fn advance_to(&mut self, now: Stamp) {
         if !self.is_started {
             self.is_started = true;
             self.plant.set_clock(now);
             self.reported_until = now;
-            return (None, None);
+            if let Some(faults) = self.loopback.faults() {
+                faults.start(now);
+            }
+            return;
         }
-        let mut newest = None;
-        while self.plant.now().after(self.plant.step_duration()) <= now {
-            self.plant.advance();
-            while let Some(mut message) = self.plant.take_pose() {
-                self.loopback.send_pose(&mut message.header, self.plant.now());
-                newest = Some(message);
+        let step = self.plant.step_duration();
+        while self.plant.now().after(step) <= now {
+            let loopback = &mut self.loopback;
+            self.plant.advance_through(|setpoint, now| loopback.setpoint(setpoint, now, step.as_secs_f64()));
+            while let Some(message) = self.plant.take_pose() {
+                self.loopback.publish_pose(message, self.plant.now());
             }
         }
         if self.plant.now() == self.reported_until {
-            return (newest, None);
+            return;
         }
         self.reported_until = self.plant.now();
-        let mut feedback = self.plant.feedback();
-        self.loopback.send_feedback(&mut feedback.header, self.plant.now());
-        (newest, Some(feedback))
+        self.loopback.publish_feedback(self.plant.feedback(), self.plant.now());
     }
 }
 
 impl Hardware for SimulatedRig {
     fn read(&mut self, now: Stamp) -> Sensed {
-        let (pose, feedback) = self.advance_to(now);
-        self.loopback.sense(pose, feedback, now)
+        self.advance_to(now);
+        self.loopback.sense(now)
     }
 
     fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {

@@ -126,7 +126,8 @@ fn check(document: &Document) -> Result<Config, Problems> {
     }
 }
 
-/// What is wrong with `[plant]`. Its ranges are checked once the rig that it simulates is right.
+/// What is wrong with `[plant]`, and with what a campaign draws for it. Ranges are checked once the rig that
+/// it simulates is right.
 #[cfg(feature = "sim")]
 fn check_plant(document: &Document, config: Option<&Config>) -> Vec<Problem> {
     if !document.has("plant") {
@@ -134,8 +135,14 @@ fn check_plant(document: &Document, config: Option<&Config>) -> Vec<Problem> {
     }
     match document.section::<magsteer_sim_plant::PlantConfig>("plant") {
         Ok(plant) => {
-            let built = config.map(|config| plant.build(&config.description));
-            document.refuse(built.and_then(Result::err).unwrap_or_default())
+            let Some(config) = config else { return Vec::new() };
+            let refused = plant.build(&config.description).err().unwrap_or_default();
+            let mut problems = document.refuse(refused);
+            if let Some(campaign) = &config.campaign {
+                let plants = super::campaign::Plants { document, description: &config.description, campaign };
+                problems.extend(plants.refused_extremes());
+            }
+            problems
         }
         Err(problems) => problems.into_vec(),
     }

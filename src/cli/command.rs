@@ -3,6 +3,8 @@
 use clap::{Parser, Subcommand};
 use magsteer_hal::operator::verb;
 
+#[cfg(feature = "sim")]
+use super::campaign::Campaign;
 use super::check::Check;
 #[cfg(feature = "sim")]
 use super::demo::Demo;
@@ -39,6 +41,8 @@ pub enum Command {
     Demo(Demo),
     #[cfg(feature = "sim")]
     SimPlant(SimPlant),
+    #[cfg(feature = "sim")]
+    Campaign(Campaign),
     Run(Run),
     Status(Status),
     Target(Target),
@@ -66,6 +70,8 @@ impl Command {
             Self::Demo(command) => command.run(),
             #[cfg(feature = "sim")]
             Self::SimPlant(command) => command.run(),
+            #[cfg(feature = "sim")]
+            Self::Campaign(command) => command.run(),
             Self::Run(command) => command.run(),
             Self::Status(command) => command.run(),
             Self::Target(command) => command.run(),

@@ -21,6 +21,7 @@ use super::exit::{Exit, Failure};
 use super::output;
 use super::play::{Played, Session, table, timing_line};
 use super::rig_file::channel_failure;
+use super::run_folder::{cannot_create, dated};
 use super::shipped;
 use super::sim_plant::PlantReport;
 
@@ -304,24 +305,6 @@ impl Drop for Process {
         // Nothing is left to be done about a child that cannot be waited for.
         let _ = self.wait();
     }
-}
-
-fn cannot_create(path: &Path, error: &std::io::Error) -> anyhow::Error {
-    Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", path.display()))
-}
-
-/// `NAME-YYYYMMDD-HHMMSS`, UTC.
-fn dated(name: &str) -> String {
-    let now = time::OffsetDateTime::now_utc();
-    format!(
-        "{name}-{:04}{:02}{:02}-{:02}{:02}{:02}",
-        now.year(),
-        u8::from(now.month()),
-        now.day(),
-        now.hour(),
-        now.minute(),
-        now.second()
-    )
 }
 
 #[cfg(feature = "figures")]

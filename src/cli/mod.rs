@@ -4,6 +4,8 @@
 //! [`command::Command`]. What is absent: logic that a test would want to call; that lives in the library.
 
 mod actuation;
+#[cfg(feature = "sim")]
+mod campaign;
 mod check;
 mod command;
 #[cfg(feature = "sim")]
@@ -18,6 +20,8 @@ mod output;
 mod play;
 mod rig_file;
 mod run;
+#[cfg(feature = "sim")]
+mod run_folder;
 #[cfg(all(feature = "figures", feature = "sim"))]
 mod run_pictures;
 mod shape;

@@ -8,6 +8,7 @@ use clap::Args;
 use magsteer::config::{Config, Problems};
 use magsteer::daemon::StopFlag;
 use magsteer_hal::channels::DriverEnd;
+use magsteer_sim_plant::actuation::{Fault, fault_code};
 use magsteer_sim_plant::{PlantConfig, process};
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +16,9 @@ use super::ending::{exit_of, watching};
 use super::exit::Exit;
 use super::output;
 use super::rig_file::{RootArgs, channel_failure};
+
+/// Kelvin of zero degrees Celsius.
+const CELSIUS_ZERO: f64 = 273.15;
 
 /// Run the simulated rig as a driver: BigMag's coils, a dynamic rod, a pose sensor.
 ///
@@ -54,6 +58,14 @@ pub struct PlantReport {
     pub lateness_max_us: f64,
     /// Largest current of any coil.
     pub current_max_a: f64,
+    /// Highest temperature of any coil; absent on a rig without any.
+    pub coil_temperature_max_celsius: Option<f64>,
+    /// Faults that the driver found with its own hardware.
+    pub driver_faults: u64,
+    /// Code of the last of them, 0 for none.
+    pub driver_fault_code: u32,
+    /// The same in words.
+    pub driver_fault: Option<String>,
     /// Commands beyond a current or slew limit.
     pub limit_breaks: u64,
     /// Commands refused.
@@ -115,6 +127,13 @@ impl PlantReport {
             left_out_s: summary.left_out.as_secs_f64(),
             lateness_max_us: summary.lateness_max.as_secs_f64() * 1e6,
             current_max_a: summary.counts.current_max,
+            coil_temperature_max_celsius: summary
+                .counts
+                .coil_temperature_max
+                .map(|kelvin| kelvin - CELSIUS_ZERO),
+            driver_faults: summary.counts.driver_faults,
+            driver_fault_code: summary.counts.last_driver_fault.map_or(fault_code::NONE, Fault::code),
+            driver_fault: summary.counts.last_driver_fault.map(|fault| fault.to_string()),
             limit_breaks: summary.limit_breaks,
             commands_refused: summary.commands_refused,
             ramp_down_ms: summary.last_ramp.map(|ramp| milliseconds(ramp.from_loss)),
@@ -132,9 +151,18 @@ impl PlantReport {
             ),
             _ => String::new(),
         };
+        let heat = self
+            .coil_temperature_max_celsius
+            .map_or(String::new(), |celsius| format!(", warmest coil {celsius:.1} degrees Celsius"));
+        let fault = self.driver_fault.as_ref().map_or(String::new(), |fault| {
+            format!(
+                "the driver cut its amplifiers {} times on its own account, last: {fault}\n",
+                self.driver_faults
+            )
+        });
         format!(
             "{} steps, {} unsolved, {:.3} s left out, late by at most {:.0} us\n\
-             largest current {:.2} A, {} commands beyond a limit, {} refused\n{ramp}{}\n",
+             largest current {:.2} A{heat}, {} commands beyond a limit, {} refused\n{fault}{ramp}{}\n",
             self.steps,
             self.steps_unsolved,
             self.left_out_s,

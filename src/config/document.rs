@@ -1,5 +1,6 @@
 //! A file merged with those that it extends.
 
+use std::fmt::{self, Display, Formatter};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +32,44 @@ pub struct Resolved {
     pub text: String,
     /// SHA-256 of `text`, lower-case hexadecimal.
     pub sha256: String,
+}
+
+/// A number of a document. TOML tells whole ones (`5`) from others (`5.0`).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Number {
+    /// Written without a point.
+    Whole(i64),
+    /// Written with one.
+    Decimal(f64),
+}
+
+impl Number {
+    /// Another value, written in the same way; a whole number is rounded.
+    #[must_use]
+    pub fn with_value(self, value: f64) -> Self {
+        match self {
+            Self::Whole(_) => Self::Whole(value.round() as i64),
+            Self::Decimal(_) => Self::Decimal(value),
+        }
+    }
+
+    /// Its value.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        match self {
+            Self::Whole(value) => value as f64,
+            Self::Decimal(value) => value,
+        }
+    }
+}
+
+impl Display for Number {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole(value) => write!(formatter, "{value}"),
+            Self::Decimal(value) => write!(formatter, "{value}"),
+        }
+    }
 }
 
 impl Document {
@@ -163,6 +202,39 @@ impl Document {
             self.files.problem(ProblemKind::Value, &place, invalid.key, invalid.value, invalid.expected)
         };
         refused.into_iter().map(place).collect()
+    }
+
+    /// The number at a key (as `plant.rod.first_mode_damping_ratio`); `None` when there is none.
+    #[must_use]
+    pub fn number(&self, key: &str) -> Option<Number> {
+        match &self.root.find(key)?.value {
+            Value::Integer(value) => Some(Number::Whole(*value)),
+            Value::Float(value) => Some(Number::Decimal(*value)),
+            _ => None,
+        }
+    }
+
+    /// Puts another number where one stands; false, and nothing is changed, when there is none at that key.
+    /// Problems still show the text of the file.
+    pub fn set_number(&mut self, key: &str, number: Number) -> bool {
+        let Some(Node { value: value @ (Value::Integer(_) | Value::Float(_)), .. }) = self.root.find_mut(key)
+        else {
+            return false;
+        };
+        *value = match number {
+            Number::Whole(number) => Value::Integer(number),
+            Number::Decimal(number) => Value::Float(number),
+        };
+        true
+    }
+
+    /// The text at a key as a path: relative to the file that says so. `None` when there is no text.
+    #[must_use]
+    pub fn path_at(&self, key: &str) -> Option<PathBuf> {
+        let node = self.root.find(key)?;
+        let Value::Text(text) = &node.value else { return None };
+        let file = self.files.names().nth(node.place.file)?;
+        Some(Path::new(file).parent().unwrap_or(Path::new("")).join(text))
     }
 
     /// The merged document as one text with its digest.

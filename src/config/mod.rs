@@ -14,6 +14,7 @@
 //!
 //! What is absent: a default. A key that is not in the file is refused, unless the section declares it optional.
 
+mod campaign;
 mod deserialize;
 mod document;
 mod experiment;
@@ -25,7 +26,8 @@ mod root;
 mod stand_in;
 mod tree;
 
-pub use document::{Document, Resolved};
+pub use campaign::{CampaignConfig, Distribution, Draw, Normal, Uniform, run_seed};
+pub use document::{Document, Number, Resolved};
 pub use experiment::{Experiment, ExperimentStep};
 pub use problem::{Problem, ProblemKind, Problems};
 pub use root::{Config, TABLES};

@@ -11,6 +11,7 @@ use crate::control::ControlConfig;
 use crate::daemon::DaemonConfig;
 use crate::rod::{Manipulator, RodConfig};
 
+use super::campaign::CampaignConfig;
 use super::document::Document;
 use super::placement;
 use super::problem::{Problem, Problems};
@@ -19,8 +20,8 @@ use super::problem::{Problem, Problems};
 const RIG_TABLES: [&str; 5] = ["rig", "frames", "coil_types", "coils", "manipulator"];
 
 /// Every top-level key of a configuration. `plant` belongs to the simulated plant, which this library does not know.
-pub const TABLES: [&str; 9] =
-    ["rig", "frames", "coil_types", "coils", "manipulator", "rod", "control", "daemon", "plant"];
+pub const TABLES: [&str; 10] =
+    ["rig", "frames", "coil_types", "coils", "manipulator", "rod", "control", "daemon", "plant", "campaign"];
 
 /// A configuration whose every value was checked.
 #[derive(Debug, Clone)]
@@ -35,6 +36,8 @@ pub struct Config {
     pub control: Option<ControlConfig>,
     /// `[daemon]`; `None` in a file that describes a rig and steers nothing.
     pub daemon: Option<DaemonConfig>,
+    /// `[campaign]`; `None` in a file that no campaign is meant for.
+    pub campaign: Option<CampaignConfig>,
 }
 
 impl Config {
@@ -65,11 +68,16 @@ impl Config {
             .and_then(|(rod, description)| gatherer.accept(rod.build(description)));
         let control = gatherer.section("control", ControlConfig::check);
         let daemon = gatherer.section("daemon", DaemonConfig::check);
+        let campaign: Option<CampaignConfig> = gatherer.section("campaign", |_| Vec::new());
+        if let Some(campaign) = &campaign {
+            gatherer.refuse(campaign.check(document));
+        }
         let problems = gatherer.problems;
         match (hardware, description) {
-            (Some(hardware), Some(description)) => {
-                Problems::refuse(problems, Self { hardware, description, manipulator, control, daemon })
-            }
+            (Some(hardware), Some(description)) => Problems::refuse(
+                problems,
+                Self { hardware, description, manipulator, control, daemon, campaign },
+            ),
             _ => Err(Problems::new(problems).expect("what could not be built was refused for a reason")),
         }
     }

@@ -150,25 +150,66 @@ impl Node {
 
     /// The deepest node or key on the way along `path` (as `coils[2].frame`): its place, and whether the whole path led there.
     pub fn locate(&self, path: &str) -> (Place, bool) {
-        let mut node = self;
-        let mut rest = path;
+        let (mut node, mut rest) = (self, path);
         while !rest.is_empty() {
-            let next = match &node.value {
-                Value::Table(table) => table
-                    .iter()
-                    .filter_map(|(name, entry)| Some((name.len(), &entry.node, after_key(rest, name)?)))
-                    .max_by_key(|(length, ..)| *length)
-                    .map(|(_, node, rest)| (node, rest)),
-                Value::Array(nodes) => {
-                    after_index(rest).and_then(|(index, rest)| Some((nodes.get(index)?, rest)))
-                }
-                _ => None,
-            };
-            let Some((found, remaining)) = next else { return (node.place.clone(), false) };
+            let Some((hop, remaining)) = node.hop(rest) else { return (node.place.clone(), false) };
+            let Some(found) = node.below(hop) else { return (node.place.clone(), false) };
             (node, rest) = (found, remaining);
         }
         (node.place.clone(), true)
     }
+
+    /// The node at the end of `path`.
+    pub fn find(&self, path: &str) -> Option<&Self> {
+        let (mut node, mut rest) = (self, path);
+        while !rest.is_empty() {
+            let (hop, remaining) = node.hop(rest)?;
+            (node, rest) = (node.below(hop)?, remaining);
+        }
+        Some(node)
+    }
+
+    /// The node at the end of `path`, to change it.
+    pub fn find_mut(&mut self, path: &str) -> Option<&mut Self> {
+        let (mut node, mut rest) = (self, path);
+        while !rest.is_empty() {
+            let (hop, remaining) = node.hop(rest)?;
+            node = match (&mut node.value, hop) {
+                (Value::Table(table), Hop::Key(name)) => &mut table.get_mut(name)?.node,
+                (Value::Array(nodes), Hop::Index(index)) => nodes.get_mut(index)?,
+                _ => return None,
+            };
+            rest = remaining;
+        }
+        Some(node)
+    }
+
+    /// The first hop of a path from here, and the path that remains.
+    fn hop<'p>(&self, path: &'p str) -> Option<(Hop<'p>, &'p str)> {
+        match &self.value {
+            Value::Table(table) => {
+                let rests = table.keys().filter_map(|name| Some((name.len(), after_key(path, name)?)));
+                let (length, rest) = rests.max_by_key(|(length, _)| *length)?;
+                Some((Hop::Key(&path[..length]), rest))
+            }
+            Value::Array(_) => after_index(path).map(|(index, rest)| (Hop::Index(index), rest)),
+            _ => None,
+        }
+    }
+
+    fn below(&self, hop: Hop<'_>) -> Option<&Self> {
+        match (&self.value, hop) {
+            (Value::Table(table), Hop::Key(name)) => table.get(name).map(|entry| &entry.node),
+            (Value::Array(nodes), Hop::Index(index)) => nodes.get(index),
+            _ => None,
+        }
+    }
+}
+
+/// One step of a path.
+enum Hop<'p> {
+    Key(&'p str),
+    Index(usize),
 }
 
 /// The path of a key below `path`.

@@ -23,8 +23,10 @@ use super::config::DaemonConfig;
 use super::state::{Directive, Request, State};
 use super::statistics::CycleTiming;
 use super::supervisor::{Decision, Supervisor};
+use super::trust::{self, Astray};
 use super::watch::{DriverView, Observation};
 use crate::control::{CycleInput, CycleOutcome, Directions, Step};
+use crate::math::scramble;
 
 /// After a stall the loop acts as if at most this many periods had passed, so that it never makes up in
 /// one step of currents for what it missed.
@@ -208,6 +210,11 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         self.supervisor.has_ended(now)
     }
 
+    /// The hardware, for code that looks at it in lockstep.
+    pub fn hardware(&self) -> &H {
+        &self.hardware
+    }
+
     /// The hardware, for code that steps it in lockstep.
     pub fn hardware_mut(&mut self) -> &mut H {
         &mut self.hardware
@@ -247,6 +254,11 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             now: tick.now,
             missed: tick.missed,
             pose_stamp: sensed.pose.last.map(|pose| pose.header.source_stamp()),
+            pose_life: sensed.pose.last.map(|pose| pose.header.epoch),
+            pose_error: trust::pose_error(outcome),
+            astray: sensed.feedback.last.map_or_else(Astray::default, |feedback| {
+                Astray::between(&feedback.measured, self.gate.previous())
+            }),
             driver: sensed.feedback.last.map(|feedback| self.rig.view(&feedback)),
             description_mismatch: self.description_mismatch,
             model_converged: outcome.model.converged,
@@ -340,6 +352,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
 
 impl Rig {
     fn authority(&self, epoch: u64) -> Authority {
+        // Scrambled, so that tokens of two processes do not meet.
         Authority { epoch, token: scramble(self.token_seed ^ epoch), validity: self.validity }
     }
 
@@ -356,6 +369,8 @@ impl Rig {
             state: feedback.state,
             fault: feedback.fault,
             epoch: feedback.accepted_epoch,
+            echoed: feedback.accepted_sequence,
+            life: feedback.header.epoch,
             current_max,
             over_current,
         }
@@ -366,11 +381,4 @@ impl Rig {
         let angles = &request.angle_rad[..self.frame_count];
         currents.iter().chain(angles).all(|value| value.is_finite())
     }
-}
-
-/// Spreads a number over all bits (the finaliser of `SplitMix64`), so that tokens of two processes do not meet.
-const fn scramble(number: u64) -> u64 {
-    let mixed = (number ^ (number >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    mixed ^ (mixed >> 31)
 }

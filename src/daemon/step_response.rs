@@ -1,8 +1,11 @@
 //! Judges how a closed loop answered a step of its targets.
 //!
-//! Terms: a step has *settled* from the first moment after which every magnet stays within [`SETTLED_WITHIN`] of its
-//! target to the step's end, and for [`SETTLED_FOR`] at least. The error of a magnet is the angle between its tangent and its target; its signed error is the difference of their
-//! angles from global z, as the paper's figures show it. Mean and RMS are taken over [`JUDGED_OVER`] at the step's end.
+//! Terms: a step has *settled* from the first moment after which every magnet stays within [`SETTLED_WITHIN`]
+//! of its target to the step's end, and for [`SETTLED_FOR`] at least. The error of a magnet is the angle
+//! between its tangent and its target; its signed error is the difference of their angles from global z, as
+//! the paper's figures show it. Mean and RMS are taken over [`JUDGED_OVER`] at the step's end.
+
+use std::collections::VecDeque;
 
 use magsteer_hal::MAGNETS_MAX;
 use nalgebra::Vector3;
@@ -13,7 +16,8 @@ use crate::math::angle_between;
 
 /// Greatest error of a settled magnet, rad.
 pub const SETTLED_WITHIN: f64 = 1.0_f64.to_radians();
-/// Least time to stay settled, s: about a period of the manipulator's first mode, so that swinging through the target does not count.
+/// Least time to stay settled, s: about a period of the manipulator's first mode, so that swinging through
+/// the target does not count.
 pub const SETTLED_FOR: f64 = 0.25;
 /// Time at the end of a step over which mean and RMS are taken, s.
 pub const JUDGED_OVER: f64 = 1.0;
@@ -47,40 +51,100 @@ pub struct StepResponse {
 /// Judges a step towards `target` (one unit vector a magnet) from its observations in order of time.
 #[must_use]
 pub fn judge(target: &[[f64; 3]], observations: &[Observation]) -> StepResponse {
-    let error = |observation: &Observation, magnet: usize| {
-        angle_between(&Vector3::from(observation.tangent[magnet]), &Vector3::from(target[magnet]))
-    };
-    let magnets = 0..target.len();
-    let is_within = |observation: &Observation| {
-        magnets.clone().all(|magnet| error(observation, magnet) <= SETTLED_WITHIN)
-    };
-    let outside = observations.iter().rposition(|observation| !is_within(observation));
-    let first_inside = outside.map_or(0, |index| index + 1);
-    let end = observations.last().map_or(0.0, |observation| observation.time);
-    let settled_s = observations
-        .get(first_inside)
-        .map(|observation| observation.time)
-        .filter(|settled| end - settled >= SETTLED_FOR);
-    let judged: Vec<&Observation> =
-        observations.iter().filter(|observation| observation.time >= end - JUDGED_OVER).collect();
-    let count = judged.len() as f64;
-    let mean = |magnet: usize| {
-        let signed = |observation: &&Observation| {
-            degrees_from_z(&observation.tangent[magnet]) - degrees_from_z(&target[magnet])
-        };
-        judged.iter().map(signed).sum::<f64>() / count
-    };
-    let rms = |magnet: usize| {
-        let squares: f64 = judged.iter().map(|observation| error(observation, magnet).powi(2)).sum();
-        (squares / count).sqrt().to_degrees()
-    };
-    StepResponse {
-        target_deg: target.iter().map(degrees_from_z).collect(),
-        settled_s,
-        error_mean_deg: magnets.clone().map(mean).collect(),
-        error_rms_deg: magnets.clone().map(rms).collect(),
-        current_max_a: observations.iter().fold(0.0, |most, observation| most.max(observation.current)),
+    let mut judge = Judge::new(target);
+    for observation in observations {
+        judge.take(observation);
     }
+    judge.verdict()
+}
+
+/// Judges a step while it is under way: keeps the observations of the last [`JUDGED_OVER`] alone.
+#[derive(Debug, Clone)]
+pub struct Judge {
+    target: Vec<[f64; 3]>,
+    /// From when on every magnet was near its target.
+    settled_since: Option<f64>,
+    current_max: f64,
+    /// Times of the observations kept.
+    times: VecDeque<f64>,
+    /// Tangents of the observations kept, magnet by magnet.
+    tangents: VecDeque<[f64; 3]>,
+}
+
+impl Judge {
+    /// Nothing observed yet of a step towards `target`, one unit vector a magnet.
+    #[must_use]
+    pub fn new(target: &[[f64; 3]]) -> Self {
+        Self {
+            target: target.to_vec(),
+            settled_since: None,
+            current_max: 0.0,
+            times: VecDeque::new(),
+            tangents: VecDeque::new(),
+        }
+    }
+
+    /// Takes one observation, not earlier than the last.
+    pub fn take(&mut self, observation: &Observation) {
+        let Observation { time, tangent, current } = observation;
+        let magnets = self.target.len();
+        let is_within =
+            self.target.iter().zip(tangent).all(|(target, tangent)| angle(tangent, target) <= SETTLED_WITHIN);
+        self.settled_since = if is_within { self.settled_since.or(Some(*time)) } else { None };
+        self.current_max = self.current_max.max(*current);
+        self.times.push_back(*time);
+        self.tangents.extend(&tangent[..magnets]);
+        while self.times.front().is_some_and(|oldest| *oldest < time - JUDGED_OVER) {
+            self.times.pop_front();
+            self.tangents.drain(..magnets);
+        }
+    }
+
+    /// How the step went, were it to end now.
+    #[must_use]
+    pub fn verdict(&self) -> StepResponse {
+        let end = self.times.back().copied().unwrap_or_default();
+        let count = self.times.len() as f64;
+        let magnets = 0..self.target.len();
+        let mean = |magnet: usize| {
+            let target = degrees_from_z(&self.target[magnet]);
+            self.kept(magnet).map(|tangent| degrees_from_z(tangent) - target).sum::<f64>() / count
+        };
+        let rms = |magnet: usize| {
+            let target = &self.target[magnet];
+            let squares: f64 = self.kept(magnet).map(|tangent| angle(tangent, target).powi(2)).sum();
+            (squares / count).sqrt().to_degrees()
+        };
+        StepResponse {
+            target_deg: self.target.iter().map(degrees_from_z).collect(),
+            settled_s: self.settled_since.filter(|settled| end - settled >= SETTLED_FOR),
+            error_mean_deg: magnets.clone().map(mean).collect(),
+            error_rms_deg: magnets.map(rms).collect(),
+            current_max_a: self.current_max,
+        }
+    }
+
+    /// Farthest that a magnet's tangent was from its last one within the last [`JUDGED_OVER`], rad: what
+    /// tells a loop that swings on from one that rests beside its target.
+    #[must_use]
+    pub fn swing(&self) -> f64 {
+        let turned = |magnet: usize| {
+            let last = self.kept(magnet).next_back();
+            let angles = self.kept(magnet).zip(last.into_iter().cycle());
+            angles.fold(0.0_f64, |most, (tangent, last)| most.max(angle(tangent, last)))
+        };
+        (0..self.target.len()).map(turned).fold(0.0, f64::max)
+    }
+
+    /// Tangents of a magnet, the oldest first.
+    fn kept(&self, magnet: usize) -> impl DoubleEndedIterator<Item = &[f64; 3]> {
+        let magnets = self.target.len();
+        (0..self.times.len()).map(move |index| &self.tangents[index * magnets + magnet])
+    }
+}
+
+fn angle(tangent: &[f64; 3], target: &[f64; 3]) -> f64 {
+    angle_between(&Vector3::from(*tangent), &Vector3::from(*target))
 }
 
 /// Angle from global z; NaN for no direction.
@@ -90,6 +154,8 @@ fn degrees_from_z(direction: &[f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
 
     fn tangent_at(degrees: f64) -> [f64; 3] {
@@ -140,6 +206,19 @@ mod tests {
         assert!((response.error_mean_deg[0] - 0.5).abs() < 1e-9);
         assert!((response.error_rms_deg[0] - 0.5).abs() < 1e-9);
         assert_eq!(response.settled_s, Some(0.0));
+    }
+
+    /// Goal: a magnet that swings about its target by half a degree at the end has a swing of one, whatever
+    /// it did before.
+    #[test]
+    fn swing_is_that_of_the_last_second() {
+        let mut judge = Judge::new(&[tangent_at(90.0)]);
+        let angle =
+            |time: f64| if time < 2.5 { 60.0 } else { 90.0 + 0.5 * (TAU * 2.0 * (time - 3.99)).cos() };
+        for observation in observe(angle) {
+            judge.take(&observation);
+        }
+        assert!((judge.swing().to_degrees() - 1.0).abs() < 0.01, "{}", judge.swing().to_degrees());
     }
 
     /// Goal: nothing observed is nothing settled.

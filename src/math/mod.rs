@@ -1,9 +1,11 @@
-//! Numerical tools of the layers above, without allocation in use: no physics.
+//! Numerical tools of the layers above: no physics. Those that a control cycle uses allocate nothing in use.
 
 mod bounded_least_squares;
 mod lu;
 mod pair;
 mod sphere;
+mod splitmix;
+pub mod statistics;
 mod thin_svd;
 mod triple;
 
@@ -11,5 +13,6 @@ pub use bounded_least_squares::{BoundedLeastSquares, BoundedProblem, BoundedRepo
 pub use lu::{Lu, Singular};
 pub use pair::Pair;
 pub use sphere::{angle_between, logarithm, orthonormal_complement, transported_basis};
+pub use splitmix::{SplitMix, scramble};
 pub use thin_svd::ThinSvd;
 pub use triple::{Scalar, Triple};

@@ -1,13 +1,16 @@
 //! The daemon's loop with its real controller against the simulated rig in lockstep.
+#![allow(dead_code, reason = "every test file compiles its own copy and uses a part of it")]
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use magsteer::config::{Config, Document, Experiment};
+use magsteer::config::{Config, Document, Experiment, ExperimentStep};
 use magsteer::control::{Cycle, Directions};
-use magsteer::daemon::step_response::{Observation, StepResponse, judge};
-use magsteer::daemon::{ControlLoop, CycleRecord, LoopOptions, Request, Tick, Verb};
+use magsteer::daemon::lockstep::{Lockstep, PlayEnd, TimedTarget};
+use magsteer::daemon::step_response::StepResponse;
+use magsteer::daemon::{CycleRecord, State, Verb};
 use magsteer_hal::Stamp;
+use magsteer_hal::fault::{FaultPlanConfig, Injector, Reach};
 use magsteer_sim_plant::{PlantConfig, SimulatedRig};
 
 /// A configuration of the rig and its plant.
@@ -38,14 +41,16 @@ fn shipped_path(name: &str) -> PathBuf {
 /// A loop that steers a simulated rig under stepped time.
 pub struct Bench {
     config: Config,
-    control_loop: ControlLoop<SimulatedRig, Cycle>,
-    tick: Tick,
-    period: Duration,
-    requests: u32,
+    pub lockstep: Lockstep<SimulatedRig, Cycle>,
 }
 
 impl Bench {
     pub fn new(setup: &Setup) -> Self {
+        Self::with_faults(setup, None)
+    }
+
+    /// With a fault plan as its file has it; times count from the first cycle.
+    pub fn with_faults(setup: &Setup, plan: Option<&str>) -> Self {
         let config = setup.config.clone();
         let rig = &config.description;
         let plant = setup.plant.build(rig).expect("shipped");
@@ -53,38 +58,55 @@ impl Bench {
         let control = config.control.clone().expect("has a controller");
         let daemon = config.daemon.clone().expect("has a daemon");
         let cycle = Cycle::new(&control, rig, manipulator);
-        let hardware = SimulatedRig::new(plant, rig);
-        let control_loop = ControlLoop::new(hardware, cycle, rig, &daemon, LoopOptions::default());
-        // Any moment but zero, which the transport takes for "no stamp".
-        let tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
-        Self { control_loop, tick, period: daemon.period(), requests: 0, config }
+        let mut hardware = SimulatedRig::new(plant, rig);
+        if let Some(plan) = plan {
+            let document =
+                Document::from_text("plan.toml", plan).unwrap_or_else(|problems| panic!("{problems}"));
+            let plan: FaultPlanConfig = document.read().unwrap_or_else(|problems| panic!("{problems}"));
+            let plan = plan.build(rig, Reach::Plant).unwrap_or_else(|refused| panic!("{refused:?}"));
+            hardware.allow_faults(Injector::new(rig, &plan, setup.plant.seed));
+        }
+        let lockstep = Lockstep::new(hardware, cycle, rig, &daemon);
+        Self { lockstep, config }
     }
 
     /// Runs one cycle.
     pub fn cycle(&mut self) -> CycleRecord {
-        let record = self.control_loop.cycle(self.tick);
-        self.tick = self.tick.stepped(self.period);
-        record
+        self.lockstep.cycle()
     }
 
     /// Runs cycles for a time.
     pub fn run(&mut self, seconds: f64, mut look: impl FnMut(&CycleRecord, &SimulatedRig)) {
-        let cycles = (seconds / self.period.as_secs_f64()).round() as u64;
-        for _ in 0..cycles {
-            let record = self.cycle();
-            look(&record, self.control_loop.hardware_mut());
-        }
+        let flow = self.lockstep.run(seconds, |record, rig| {
+            look(record, rig);
+            ControlFlow::Continue(())
+        });
+        assert!(flow.is_continue());
     }
 
     /// Asks for something in the next cycle.
     pub fn request(&mut self, verb: Verb) {
-        self.requests += 1;
-        self.control_loop.request(Request { id: self.requests, verb }).expect("one request a cycle");
+        self.lockstep.request(verb).expect("one request a cycle");
+    }
+
+    /// The rig, for its truth, its counts and its faults.
+    pub fn rig(&mut self) -> &mut SimulatedRig {
+        self.lockstep.control_loop_mut().hardware_mut()
+    }
+
+    /// Present state of the daemon.
+    pub fn state(&self) -> &State {
+        self.lockstep.control_loop().state()
+    }
+
+    /// Time of the next cycle.
+    pub fn now(&self) -> Stamp {
+        self.lockstep.now()
     }
 
     /// Commands that broke a limit, as the plant counts them.
     pub fn limit_breaks(&mut self) -> u64 {
-        self.control_loop.hardware_mut().plant().feedback().limit_breaks
+        self.lockstep.control_loop().hardware().plant().feedback().limit_breaks
     }
 
     /// Arms, steers through a shipped experiment and judges every step by the plant's truth.
@@ -95,44 +117,31 @@ impl Bench {
         let path = shipped_path("experiments").join(name);
         let experiment =
             Experiment::from_document(&Document::load(&path).expect("shipped"), &magnets).expect("shipped");
-        let steps = experiment.steps.iter();
-        let steps = steps.map(|step| (experiment.directions(step, &magnets), step.duration_s)).collect();
-        self.play(steps)
+        let target = |step: &ExperimentStep| TimedTarget {
+            directions: experiment.directions(step, &magnets),
+            duration: step.duration_s,
+        };
+        let steps: Vec<TimedTarget> = experiment.steps.iter().map(target).collect();
+        self.play(&steps)
     }
 
     /// The same through targets in the x-z plane, deg from z, each for a time in seconds.
     pub fn play_planar(&mut self, targets_deg: &[[f64; 2]], duration_s: f64) -> Vec<StepResponse> {
-        let directions = |angles: &[f64; 2]| {
+        let target = |angles: &[f64; 2]| {
             let mut directions = Directions::default();
             for (direction, angle) in directions.iter_mut().zip(angles) {
                 *direction = [angle.to_radians().sin(), 0.0, angle.to_radians().cos()];
             }
-            (directions, duration_s)
+            TimedTarget { directions, duration: duration_s }
         };
-        self.play(targets_deg.iter().map(directions).collect())
+        let steps: Vec<TimedTarget> = targets_deg.iter().map(target).collect();
+        self.play(&steps)
     }
 
-    fn play(&mut self, steps: Vec<(Directions, f64)>) -> Vec<StepResponse> {
-        self.run(0.5, |_, _| ());
-        self.request(Verb::Arm);
-        self.run(0.5, |_, _| ());
-        self.request(Verb::Go);
-        self.run(0.1, |_, _| ());
-        let magnets = self.config.description.magnets().count();
-        let mut responses = Vec::new();
-        for (target, duration_s) in steps {
-            self.request(Verb::SetTarget(target));
-            let mut observations = Vec::new();
-            let period = self.period.as_secs_f64();
-            self.run(duration_s, |record, rig| {
-                let tangent = rig.plant().truth().magnets.map(|magnet| magnet.tangent());
-                let currents = record.input.measured.current_a;
-                let current = currents.iter().fold(0.0_f64, |most, current| most.max(current.abs()));
-                let time = observations.len() as f64 * period;
-                observations.push(Observation { time, tangent, current });
-            });
-            responses.push(judge(&target[..magnets], &observations));
-        }
-        responses
+    fn play(&mut self, steps: &[TimedTarget]) -> Vec<StepResponse> {
+        let truth = |rig: &SimulatedRig| rig.plant().truth();
+        let played = self.lockstep.play(steps, truth, |_| ControlFlow::Continue(()));
+        assert_eq!(played.end, PlayEnd::Complete, "the loop steers to the end");
+        played.steps.into_iter().map(|step| step.response).collect()
     }
 }

@@ -138,3 +138,40 @@ pub enum ClientError {
         cause: Box<dyn Error + Send + Sync>,
     },
 }
+
+/// Why a fault could not be asked for. Without an answer it must be taken as not done.
+#[derive(Debug, thiserror::Error)]
+pub enum FaultClientError {
+    /// No driver runs on this rig.
+    #[error("no driver on rig {rig} (channel root {root}): start it, with the same root", root = root.display())]
+    NoDriver {
+        /// Name of the rig.
+        rig: String,
+        /// Where it was looked for.
+        root: PathBuf,
+    },
+    /// A driver runs, but was not started to allow faults.
+    #[error("the driver of rig {rig} (process {pid}) does not allow faults: start it with --allow-faults")]
+    NotAllowed {
+        /// Name of the rig.
+        rig: String,
+        /// The driver.
+        pid: u32,
+    },
+    /// The driver did not answer in time.
+    #[error("no answer within {} ms", timeout.as_millis())]
+    NoAnswer {
+        /// How long was waited.
+        timeout: Duration,
+    },
+    /// The transport failed.
+    #[error("the request could not be sent: {cause}")]
+    Transport {
+        /// Its own error.
+        #[source]
+        cause: Box<dyn Error + Send + Sync>,
+    },
+    /// This end of the channels could not be made.
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
+}

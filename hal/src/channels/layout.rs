@@ -5,6 +5,7 @@ use std::mem::{align_of, offset_of, size_of};
 
 use sha2::{Digest, Sha256};
 
+use crate::fault::{FaultAnswer, FaultRequest};
 use crate::message::{Actuation, CoilCommand, CoilFeedback, Header, MagnetPose, PoseMessage, SCHEMA};
 use crate::operator::{LoopTiming, OperatorAnswer, OperatorRequest, Quantiles, StatusMessage};
 
@@ -50,6 +51,8 @@ fn layouts() -> String {
     );
     layout!(text, OperatorRequest { verb, magnet_count, direction });
     layout!(text, OperatorAnswer { accepted, cause, state, reserved, epoch });
+    layout!(text, FaultRequest { action, target, part, index, verb, kind, lasts_ns, time_ns, value });
+    layout!(text, FaultAnswer { accepted, reason, active, cleared });
     layout!(text, Quantiles { p50_us, p99_us, p999_us, max_us });
     layout!(text, LoopTiming { cycles, lateness, execution, pose_age, pose_to_command });
     layout!(
@@ -103,6 +106,7 @@ mod tests {
             ("CoilFeedback", 48 + 5 * 8 + 4 * 4 + 320),
             ("OperatorRequest", 8 + 8 * 24),
             ("OperatorAnswer", 4 * 4 + 8),
+            ("FaultRequest", 6 * 4 + 3 * 8),
             ("Quantiles", 4 * 8),
             ("LoopTiming", 8 + 4 * 32),
             ("StatusMessage", 48 + 8 + 8 * 8 + 136 + 4 * 4 + 4 * 192 + 2 * 320),
@@ -111,6 +115,7 @@ mod tests {
         for (name, size) in sizes {
             assert!(text.contains(&format!("\n{name} {size} 8 ")), "{name}: expected {size} in\n{text}");
         }
+        assert!(text.contains("\nFaultAnswer 16 4 "), "{text}");
     }
 
     #[test]

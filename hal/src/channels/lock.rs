@@ -45,9 +45,18 @@ impl RoleLock {
     }
 }
 
+/// The living process that took the role last, as far as its lock file says. Looks at no lock, so that it never
+/// keeps anybody from taking one.
+pub(super) fn holder(root: &Path, rig: &str, role: Role) -> Option<u32> {
+    let text = std::fs::read_to_string(root.join(format!("{rig}.{role}.lock"))).ok()?;
+    let number: u32 = text.trim().parse().ok()?;
+    let pid = rustix::process::Pid::from_raw(i32::try_from(number).ok()?)?;
+    rustix::process::test_kill_process(pid).is_ok().then_some(number)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{ChannelError, Role, RoleLock};
+    use super::{ChannelError, Role, RoleLock, holder};
 
     #[test]
     fn second_holder_is_refused_and_told_who_holds() {
@@ -58,6 +67,17 @@ mod tests {
         assert_eq!(*pid, std::process::id());
         let text = refused.to_string();
         assert!(text.starts_with(&format!("rig rig already has a daemon: process {pid}")), "{text}");
+    }
+
+    #[test]
+    fn holder_is_told_while_it_lives() {
+        let root = tempfile::tempdir().expect("a directory");
+        assert_eq!(holder(root.path(), "rig", Role::Driver), None);
+        let _held = RoleLock::acquire(root.path(), "rig", Role::Driver).expect("free");
+        assert_eq!(holder(root.path(), "rig", Role::Driver), Some(std::process::id()));
+        // No process has this number.
+        std::fs::write(root.path().join("rig.driver.lock"), "2147483646").expect("written");
+        assert_eq!(holder(root.path(), "rig", Role::Driver), None);
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! | `coil/command` | daemon to driver | newest value | as above |
 //! | `sim/truth` | simulated plant to whoever looks | stream | [`DriverEnd`], [`TruthObserver`] |
 //! | `target/set`, `request` | operator to daemon | request and answer | [`OperatorServer`], [`OperatorClient`] |
+//! | `fault` | anyone to a driver that allows faults | request and answer | [`DriverServices::allow_faults`], [`FaultClient`] |
 //! | `status` | daemon to whoever looks | stream | as above |
 //!
 //! Rules: a rig has one driver and one daemon, held by lock files that die with their process; either may restart at
@@ -16,17 +17,20 @@ mod daemon;
 mod driver;
 mod endpoint;
 mod error;
+mod fault;
 mod layout;
 mod lock;
 mod membership;
 mod operator;
 mod ports;
 mod private_root;
+mod requests;
 mod service;
 
 pub use daemon::{DaemonEnd, DaemonServices};
 pub use driver::{DriverEnd, DriverServices};
 pub use endpoint::{Endpoint, ROOT_VARIABLE};
-pub use error::{ChannelError, ClientError, Role};
+pub use error::{ChannelError, ClientError, FaultClientError, Role};
+pub use fault::FaultClient;
 pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServices, TruthObserver};
 pub use private_root::PrivateRoot;

@@ -1,10 +1,9 @@
 //! Operators and the daemon: requests with answers, and the status that anyone may watch.
 
 use std::fmt::{self, Debug};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use iceoryx2::active_request::ActiveRequest;
-use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::ipc;
 
@@ -13,6 +12,7 @@ use super::error::{ChannelError, ClientError, Role};
 use super::lock::RoleLock;
 use super::membership::Membership;
 use super::ports::{Inlet, Outlet};
+use super::requests::ask;
 use super::service::{
     REQUEST, Requests, STATUS, TARGET_SET, TRUTH, Topic, Wait, create_requests, create_topic, open_requests,
     open_topic, retried,
@@ -23,8 +23,8 @@ use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
 use crate::send::HeaderWriter;
 use crate::time::Stamp;
 
+type OperatorRequests = Requests<OperatorRequest, OperatorAnswer>;
 type RequestServer = Server<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>;
-type RequestClient = Client<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>;
 
 /// None of these ports belong to a control loop: they may wait for a connection to form.
 const CONNECTION_WAIT: Duration = Duration::from_millis(100);
@@ -34,8 +34,8 @@ const CONNECTION_WAIT: Duration = Duration::from_millis(100);
 pub struct OperatorServices {
     lock: RoleLock,
     membership: Membership,
-    request: Requests,
-    target_set: Requests,
+    request: OperatorRequests,
+    target_set: OperatorRequests,
     status: Topic<StatusMessage>,
 }
 
@@ -133,8 +133,8 @@ impl IncomingRequest {
 /// An operator's end: sends requests and watches the status. Belongs to the thread that made it.
 #[derive(Debug)]
 pub struct OperatorClient {
-    request_service: Requests,
-    target_set_service: Requests,
+    request_service: OperatorRequests,
+    target_set_service: OperatorRequests,
     status: Inlet<StatusMessage>,
     newest: Option<StatusMessage>,
     _membership: Membership,
@@ -148,8 +148,8 @@ impl OperatorClient {
     pub fn open(endpoint: &Endpoint, wait: Duration) -> Result<Self, ChannelError> {
         let membership = endpoint.join(CONNECTION_WAIT)?;
         let wait = Wait::new(wait);
-        let request_service = open_requests(&membership.node, endpoint, REQUEST, &wait)?;
-        let target_set_service = open_requests(&membership.node, endpoint, TARGET_SET, &wait)?;
+        let request_service = open_requests(&membership.node, endpoint, REQUEST, Role::Daemon, &wait)?;
+        let target_set_service = open_requests(&membership.node, endpoint, TARGET_SET, Role::Daemon, &wait)?;
         let status = open_topic(&membership.node, endpoint, STATUS, Role::Daemon, &wait)?;
         Ok(Self {
             request_service,
@@ -174,19 +174,7 @@ impl OperatorClient {
         } else {
             (&self.request_service, REQUEST)
         };
-        let start = Instant::now();
-        loop {
-            // A client of its own for each request: an answer that comes late has nowhere to go.
-            let client = retried(name, || service.client_builder().create())
-                .map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
-            match await_answer(&client, request, start, timeout) {
-                // It reached nobody, so it may be sent again: the daemon may be about to join.
-                Err(ClientError::NoDaemon) if start.elapsed() < timeout => {
-                    std::thread::sleep(Duration::from_millis(5));
-                }
-                outcome => return outcome,
-            }
-        }
+        Ok(ask(service, name, request, timeout)?)
     }
 
     /// The status published last, as far as it has arrived; `None` before the first.
@@ -205,32 +193,6 @@ impl OperatorClient {
             *newest = Some(*message);
             take(message);
         });
-    }
-}
-
-fn await_answer(
-    client: &RequestClient,
-    request: OperatorRequest,
-    start: Instant,
-    timeout: Duration,
-) -> Result<OperatorAnswer, ClientError> {
-    let pending =
-        client.send_copy(request).map_err(|error| ClientError::Transport { cause: Box::new(error) })?;
-    if pending.number_of_server_connections() == 0 {
-        return Err(ClientError::NoDaemon);
-    }
-    loop {
-        // Asked before receiving: an answer sent just before the server let go must not be missed.
-        let is_connected = pending.is_connected();
-        match pending.receive() {
-            Ok(Some(answer)) => return Ok(*answer),
-            Ok(None) => (),
-            Err(error) => return Err(ClientError::Transport { cause: Box::new(error) }),
-        }
-        if !is_connected || start.elapsed() >= timeout {
-            return Err(ClientError::NoAnswer { timeout });
-        }
-        std::thread::sleep(Duration::from_micros(500));
     }
 }
 

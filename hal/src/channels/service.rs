@@ -1,6 +1,7 @@
 //! Making and opening services: settings in one table, bounded retries, and a check of what was found.
 
 use std::error::Error;
+use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -21,13 +22,16 @@ use iceoryx2::service::service_hash::ServiceHash;
 use super::endpoint::Endpoint;
 use super::error::{ChannelError, Role};
 use super::layout::schema_hash;
-use crate::operator::{OperatorAnswer, OperatorRequest};
 
 /// A publish-subscribe service.
 pub(super) type Topic<T> = publish_subscribe::PortFactory<ipc::Service, T, ()>;
-/// A request-response service between operators and the daemon.
-pub(super) type Requests =
-    request_response::PortFactory<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>;
+/// A request-response service.
+pub(super) type Requests<Q, A> = request_response::PortFactory<ipc::Service, Q, (), A, ()>;
+
+/// What a request or an answer is made of.
+pub(super) trait Payload: IceoryxSend + ZeroCopySend + Debug + Copy + 'static {}
+
+impl<T: IceoryxSend + ZeroCopySend + Debug + Copy + 'static> Payload for T {}
 
 /// How long one step of opening may be tried again: another process may be half-way through making
 /// or clearing up the same thing.
@@ -66,6 +70,8 @@ pub(super) const STATUS: TopicSettings =
 
 pub(super) const REQUEST: &str = "request";
 pub(super) const TARGET_SET: &str = "target/set";
+/// Served by a driver that allows faults on request, and by no other.
+pub(super) const FAULT: &str = "fault";
 
 /// Opens the service, or makes it when it does not exist. Only the holder of the role that makes it may call this.
 pub(super) fn create_topic<T: IceoryxSend + ZeroCopySend + std::fmt::Debug + 'static>(
@@ -110,17 +116,17 @@ pub(super) fn open_topic<T: IceoryxSend + ZeroCopySend + std::fmt::Debug + 'stat
 }
 
 /// Opens a request service, or makes it when it does not exist. Only the holder of the role that makes it may call this.
-pub(super) fn create_requests(
+pub(super) fn create_requests<Q: Payload, A: Payload>(
     node: &Node<ipc::Service>,
     endpoint: &Endpoint,
     channel: &str,
-) -> Result<Requests, ChannelError> {
+) -> Result<Requests<Q, A>, ChannelError> {
     let name = endpoint.service(channel);
     let (service, attributes) = (service_name(&name)?, attributes(&name)?);
     let leftover = leftover_file(node, &service, MessagingPattern::RequestResponse);
     made(&name, &leftover, is_hung_request, || {
         node.service_builder(&service)
-            .request_response::<OperatorRequest, OperatorAnswer>()
+            .request_response::<Q, A>()
             // A request whose sender no longer waits counts as not done.
             .enable_fire_and_forget_requests(false)
             // One serves; more places for the reason given at `TopicSettings`.
@@ -131,23 +137,22 @@ pub(super) fn create_requests(
     })
 }
 
-/// Opens a request service, waiting until `deadline` for the daemon to make it.
-pub(super) fn open_requests(
+/// Opens a request service, waiting until `deadline` for whoever has `role` to make it.
+pub(super) fn open_requests<Q: Payload, A: Payload>(
     node: &Node<ipc::Service>,
     endpoint: &Endpoint,
     channel: &str,
+    role: Role,
     wait: &Wait,
-) -> Result<Requests, ChannelError> {
+) -> Result<Requests<Q, A>, ChannelError> {
     let name = endpoint.service(channel);
     let (service, attributes) = (service_name(&name)?, attributes(&name)?);
     let not_yet = |error: &RequestResponseOpenError| {
         use RequestResponseOpenError as Open;
         matches!(error, Open::DoesNotExist | Open::HangsInCreation | Open::IsMarkedForDestruction)
     };
-    wait.opened(endpoint, &name, Role::Daemon, not_yet, || {
-        node.service_builder(&service)
-            .request_response::<OperatorRequest, OperatorAnswer>()
-            .open_with_attributes(&attributes)
+    wait.opened(endpoint, &name, role, not_yet, || {
+        node.service_builder(&service).request_response::<Q, A>().open_with_attributes(&attributes)
     })
 }
 

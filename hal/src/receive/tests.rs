@@ -100,6 +100,9 @@ fn no_faulty_pose_replaces_the_last_good_one() {
         (|message| message.magnets[0].valid = 2, implausible("valid flag", 0)),
         (|message| message.magnets[0].position_m[2] = f64::NAN, implausible("position", 0)),
         (|message| message.magnets[1].position_m[0] = f64::INFINITY, implausible("position", 1)),
+        (|message| message.magnets[1].position_m[0] = 1e300, implausible("position", 1)),
+        // Twice the radius of 55 mm, and a bit.
+        (|message| message.magnets[1].position_m[0] = -0.1101, implausible("position", 1)),
         (|message| message.magnets[1].orientation_xyzw = [0.0; 4], implausible("quaternion", 1)),
         (|message| message.magnets[0].orientation_xyzw[3] = f64::NAN, implausible("quaternion", 0)),
         (|message| message.magnets[0].orientation_xyzw = [f64::MAX; 4], implausible("quaternion", 0)),

@@ -2,6 +2,7 @@
 
 use crate::conformance::Stepped;
 use crate::description::HardwareDescription;
+use crate::fault::Injector;
 use crate::gate::AdmittedCommand;
 use crate::guard::CommandGuard;
 use crate::hardware::{Hardware, Sensed, WriteError};
@@ -68,33 +69,44 @@ impl EchoHardware {
         &self.guard
     }
 
-    fn step(&mut self, now: Stamp) -> (Option<PoseMessage>, Option<CoilFeedback>) {
+    /// From now on faults happen between this driver and its channels, and its guard and its amplifiers.
+    pub fn allow_faults(&mut self, injector: Injector) {
+        self.loopback.allow_faults(injector);
+    }
+
+    /// What makes faults happen, where they are allowed.
+    pub fn faults(&mut self) -> Option<&mut Injector> {
+        self.loopback.faults()
+    }
+
+    fn step(&mut self, now: Stamp) {
         let elapsed = self.clock.map(|clock| now.since(clock));
         self.clock = Some(now);
         let Some(elapsed) = elapsed.filter(|elapsed| !elapsed.is_zero()) else {
-            return (None, None);
+            return;
         };
-        let setpoint = self.guard.setpoint(now, elapsed.as_secs_f64());
+        let period = elapsed.as_secs_f64();
+        let setpoint = self.guard.setpoint(now, period);
+        let setpoint = self.loopback.setpoint(&setpoint, now, period);
         if self.is_silent {
-            return (None, None);
+            return;
         }
         let mut pose =
             PoseMessage { magnet_count: self.magnet_count, magnets: self.poses, ..PoseMessage::default() };
         pose.header.source_stamp_ns = now.nanoseconds();
-        self.loopback.send_pose(&mut pose.header, now);
+        self.loopback.publish_pose(pose, now);
         let mut feedback =
             CoilFeedback { fault: self.fault, measured: *setpoint.actuation(), ..CoilFeedback::default() };
         feedback.header.source_stamp_ns = now.nanoseconds();
-        self.loopback.send_feedback(&mut feedback.header, now);
         self.guard.report(&mut feedback);
-        (Some(pose), Some(feedback))
+        self.loopback.publish_feedback(feedback, now);
     }
 }
 
 impl Hardware for EchoHardware {
     fn read(&mut self, now: Stamp) -> Sensed {
-        let (pose, feedback) = self.step(now);
-        self.loopback.sense(pose, feedback, now)
+        self.step(now);
+        self.loopback.sense(now)
     }
 
     fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {

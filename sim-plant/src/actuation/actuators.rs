@@ -1,62 +1,153 @@
-//! All amplifiers and motors of the rig.
+//! All coils and frames of the rig, followed as one, and the driver that watches over them.
 
 use magsteer_hal::description::HardwareDescription;
-use magsteer_hal::{Actuation, Setpoint};
+use magsteer_hal::{Actuation, COILS_MAX, Setpoint};
 
-use super::amplifier::Amplifier;
-use super::motor::Motor;
+use super::coils::{Coils, CoilsSettings};
+use super::condition::{CoilCondition, FrameCondition};
+use super::fault::Fault;
+use super::motor::{Motor, MotorCharacter};
+use super::watch::{DriverWatch, Seen, WatchSettings};
 
-/// What amplifiers and motors are like.
+/// What coils, amplifiers, motors and the driver's watch are like.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActuationSettings {
-    /// Of the current controllers, rad/s.
-    pub amplifier_bandwidth: f64,
+    /// Coils and amplifiers.
+    pub coils: CoilsSettings,
+    /// Frame motors.
+    pub motor: MotorCharacter,
+    /// When the driver finds fault.
+    pub watch: WatchSettings,
 }
 
-/// Amplifiers and motors at work.
+/// Coils, amplifiers and motors at work.
 #[derive(Debug, Clone)]
 pub struct Actuators {
-    amplifiers: Vec<Amplifier>,
+    coils: Coils,
     motors: Vec<Motor>,
+    watch: DriverWatch,
     actual: Actuation,
+    measured: Actuation,
+    field_currents: [f64; COILS_MAX],
 }
 
 impl Actuators {
-    /// All currents at zero, all frames at rest. `step` in s.
+    /// All currents at zero, all frames at rest. `step` in s; sensor errors come from `seed`.
     #[must_use]
-    pub fn new(description: &HardwareDescription, settings: &ActuationSettings, step: f64) -> Self {
-        let amplifier = |coil| Amplifier::new(coil, settings.amplifier_bandwidth, step);
-        let motors: Vec<_> = description.frames.iter().map(|frame| Motor::new(frame, step)).collect();
-        let mut actual = Actuation::default();
-        for (angle, motor) in actual.angle_rad.iter_mut().zip(&motors) {
-            *angle = motor.angle();
-        }
-        Self { amplifiers: description.coils.iter().map(amplifier).collect(), motors, actual }
+    pub fn new(
+        description: &HardwareDescription,
+        settings: &ActuationSettings,
+        step: f64,
+        seed: u64,
+    ) -> Self {
+        let motor = |frame| Motor::new(frame, settings.motor, step);
+        let mut actuators = Self {
+            coils: Coils::new(description, &settings.coils, step, seed),
+            motors: description.frames.iter().map(motor).collect(),
+            watch: DriverWatch::new(settings.watch, step),
+            actual: Actuation::default(),
+            measured: Actuation::default(),
+            field_currents: [0.0; COILS_MAX],
+        };
+        actuators.take_note();
+        actuators
     }
 
-    /// True currents and angles.
+    /// True currents, and true angles of the frames.
     #[must_use]
     pub fn actual(&self) -> &Actuation {
         &self.actual
     }
 
-    /// Follows a set point for one step.
-    pub fn follow(&mut self, setpoint: &Setpoint) {
-        let wanted = setpoint.actuation();
-        let is_cut = matches!(setpoint, Setpoint::Disable(_));
-        let currents = self.actual.current_a.iter_mut().zip(&wanted.current_a);
-        for (amplifier, (current, wanted)) in self.amplifiers.iter_mut().zip(currents) {
-            if is_cut {
-                amplifier.discharge();
-            } else {
-                amplifier.follow(*wanted);
-            }
-            *current = amplifier.current();
+    /// Currents and angles as the driver's sensors say.
+    #[must_use]
+    pub fn measured(&self) -> &Actuation {
+        &self.measured
+    }
+
+    /// Currents, A, with which coils as described would make the field of these: less than the true ones
+    /// where turns are shorted.
+    #[must_use]
+    pub fn field_currents(&self) -> &[f64; COILS_MAX] {
+        &self.field_currents
+    }
+
+    /// Follows a set point for one step; the fault that the driver found in it. As long as
+    /// [`Actuators::fault`] stands the caller is to cut the bridges.
+    pub fn follow(&mut self, setpoint: &Setpoint) -> Option<Fault> {
+        self.obey(setpoint, setpoint)
+    }
+
+    /// As [`Actuators::follow`], while a fault of the actuators is played: they obey `obeyed`, and the
+    /// driver judges them by `asked`, which is what its guard asks for.
+    pub fn obey(&mut self, obeyed: &Setpoint, asked: &Setpoint) -> Option<Fault> {
+        let is_cut = matches!(obeyed, Setpoint::Disable(_));
+        let set = obeyed.actuation();
+        self.coils.follow(&set.current_a, is_cut);
+        for (motor, set) in self.motors.iter_mut().zip(&set.angle_rad) {
+            motor.follow(*set);
         }
-        let angles = self.actual.angle_rad.iter_mut().zip(&wanted.angle_rad);
-        for (motor, (angle, wanted)) in self.motors.iter_mut().zip(angles) {
-            motor.follow(*wanted);
-            *angle = motor.angle();
+        self.take_note();
+        self.watch.judge(&Seen {
+            wanted: asked.actuation(),
+            measured: &self.measured,
+            counts: (self.coils.count(), self.motors.len()),
+            hottest: self.hottest(),
+            is_cut,
+        })
+    }
+
+    /// The driver's fault that stands, if any.
+    #[must_use]
+    pub fn fault(&self) -> Option<Fault> {
+        self.watch.fault()
+    }
+
+    /// Index and temperature, K, of the hottest coil; `None` on a rig without any.
+    #[must_use]
+    pub fn hottest(&self) -> Option<(usize, f64)> {
+        let temperatures = (0..self.coils.count()).map(|coil| (coil, self.coils.temperature(coil)));
+        temperatures.reduce(|hottest, next| if next.1 > hottest.1 { next } else { hottest })
+    }
+
+    /// Temperature of a coil's winding, K; `None` when there is no such coil.
+    #[must_use]
+    pub fn temperature(&self, coil: usize) -> Option<f64> {
+        (coil < self.coils.count()).then(|| self.coils.temperature(coil))
+    }
+
+    /// The coils, for their circuits.
+    #[must_use]
+    pub fn coils(&self) -> &Coils {
+        &self.coils
+    }
+
+    /// Sets what is wrong with a coil from now on. False, and nothing done, when there is no such coil or the
+    /// condition is [not valid](CoilCondition::is_valid).
+    pub fn set_coil_condition(&mut self, coil: usize, condition: CoilCondition) -> bool {
+        let is_possible = coil < self.coils.count() && condition.is_valid();
+        if is_possible {
+            self.coils.set_condition(coil, condition);
+            self.take_note();
+        }
+        is_possible
+    }
+
+    /// Sets what is wrong with a frame from now on. False when there is no such frame.
+    pub fn set_frame_condition(&mut self, frame: usize, condition: FrameCondition) -> bool {
+        let motor = self.motors.get_mut(frame);
+        motor.map(|motor| motor.set_condition(condition)).is_some()
+    }
+
+    fn take_note(&mut self) {
+        self.actual.current_a = *self.coils.currents();
+        self.measured.current_a = *self.coils.measured();
+        for (coil, current) in self.field_currents.iter_mut().enumerate().take(self.coils.count()) {
+            *current = self.coils.field_current(coil);
+        }
+        for (frame, motor) in self.motors.iter().enumerate() {
+            self.actual.angle_rad[frame] = motor.frame_angle();
+            self.measured.angle_rad[frame] = motor.measured_angle();
         }
     }
 }

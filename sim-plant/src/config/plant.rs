@@ -7,11 +7,17 @@ use magsteer_hal::HardwareDescription;
 use magsteer_hal::invalid::{Checks, Invalid};
 use serde::{Deserialize, Serialize};
 
-use super::actuation::AmplifierConfig;
+use super::amplifier::AmplifierConfig;
+use super::coupling::{CouplingConfig, couplings};
+use super::driver::{DriverConfig, Watched};
 use super::errors::ErrorsConfig;
+use super::field::{self, CoilTruthConfig};
+use super::motor::MotorConfig;
 use super::real_time::RealTimeConfig;
 use super::rod::RodConfig;
 use super::sensing::SensorConfig;
+use super::winding::WindingConfig;
+use crate::actuation::{ActuationSettings, CoilsSettings, Couplings};
 use crate::plant::{Plant, PlantError, Settings};
 
 /// `[plant]`: the simulated rig.
@@ -28,6 +34,16 @@ pub struct PlantConfig {
     pub rod: RodConfig,
     /// `[plant.amplifier]`
     pub amplifier: AmplifierConfig,
+    /// `[plant.winding]`
+    pub winding: WindingConfig,
+    /// `[[plant.coupling]]`; coils that no entry names share no flux.
+    pub coupling: Vec<CouplingConfig>,
+    /// `[plant.motor]`
+    pub motor: MotorConfig,
+    /// `[plant.driver]`
+    pub driver: DriverConfig,
+    /// `[plant.field.TYPE]`, TYPE one of `[coil_types]`
+    pub field: BTreeMap<String, CoilTruthConfig>,
     /// `[plant.errors]`
     pub errors: ErrorsConfig,
     /// `[plant.sensors.NAME]`
@@ -44,13 +60,16 @@ impl PlantConfig {
     pub fn build(&self, description: &HardwareDescription) -> Result<Plant, Vec<Invalid>> {
         let mut checks = Checks::new();
         self.check(description, &mut checks);
+        let couplings = couplings(&self.coupling, description, &mut checks);
+        let coil_truths = field::truths(&self.field, description, &mut checks);
         let sensor = self.sensors.get(&self.sensor).map(SensorConfig::character).unwrap_or_default();
         let sensor = checks.into_result(sensor)?;
         let settings = Settings {
             seed: self.seed,
             step: Duration::from_micros(self.step_us),
             rod: self.rod.settings(),
-            actuation: self.amplifier.settings(),
+            actuation: self.actuation(couplings, description),
+            coil_truths,
             errors: self.errors.magnitudes(),
             sensor,
         };
@@ -71,6 +90,24 @@ impl PlantConfig {
         })
     }
 
+    /// Only for values that were checked.
+    fn actuation(
+        &self,
+        couplings: Option<Couplings>,
+        description: &HardwareDescription,
+    ) -> ActuationSettings {
+        ActuationSettings {
+            coils: CoilsSettings {
+                bandwidth: self.amplifier.bandwidth(),
+                sensor: self.amplifier.sensor(),
+                winding: self.winding.character(),
+                couplings: couplings.unwrap_or_else(|| Couplings::none(description.coils.len())),
+            },
+            motor: self.motor.character(),
+            watch: self.driver.settings(),
+        }
+    }
+
     fn check(&self, description: &HardwareDescription, checks: &mut Checks) {
         whole(checks, "plant.step_us", self.step_us, 50, 2000);
         let names: Vec<&str> = self.sensors.keys().map(String::as_str).collect();
@@ -78,6 +115,10 @@ impl PlantConfig {
         checks.require(self.sensors.contains_key(&self.sensor), "plant.sensor", &self.sensor, expected);
         self.rod.check(description, checks);
         self.amplifier.check(checks);
+        self.winding.check(checks);
+        self.motor.check(checks);
+        let Self { amplifier, motor, winding, step_us, .. } = self;
+        self.driver.check(&Watched { description, amplifier, motor, winding, step_us: *step_us }, checks);
         self.errors.check(checks);
         for (name, sensor) in &self.sensors {
             sensor.check(&format!("plant.sensors.{name}"), self.step_us, checks);

@@ -70,8 +70,10 @@ pub fn hold(page: &str, name: &str, rows: &[Row]) {
         return;
     }
     let lines: Vec<&str> = text[start..stop].lines().skip(2).collect();
-    let agrees =
-        lines.len() == rows.len() && rows.iter().zip(&lines).all(|(row, line)| row.agrees(line));
+    let agrees = lines.len() == rows.len() && rows.iter().zip(&lines).all(|(row, line)| row.agrees(line));
     let found: String = rows.iter().map(Row::line).collect();
-    assert!(agrees, "{page}, table {name}: not what was measured:\n{found}write it with MAGSTEER_WRITE_DOCS=1");
+    assert!(
+        agrees,
+        "{page}, table {name}: not what was measured:\n{found}write it with MAGSTEER_WRITE_DOCS=1"
+    );
 }

@@ -36,6 +36,57 @@ fn poses_missing_for_the_stop_limit_end_in_a_latched_fault() {
 }
 
 #[test]
+fn poses_that_cannot_be_true_count_as_none() {
+    let mut bench = Bench::active();
+    // 30 degrees are allowed.
+    bench.seen.pose_error = 0.53;
+    assert_eq!(bench.cycles(50).state, state::ACTIVE, "the last believed ones are 50 ms old");
+    let decision = bench.cycle(None);
+    assert_eq!((decision.state, decision.directive), (state::HOLDING, Directive::Hold));
+    assert_eq!(decision.transition.and_then(|transition| transition.cause), Some(Cause::PoseImplausible));
+    bench.seen.pose_error = 0.52;
+    assert_eq!(bench.cycle(None).state, state::ACTIVE);
+    bench.seen.pose_error = 0.53;
+    assert_eq!(bench.until(state::SAFE_STOP, ms(400)), Some(ms(251)));
+    bench.until(state::FAULT, ms(100)).expect("the driver ramps down");
+    assert_eq!(bench.ask(Verb::Reset), Err(Cause::PoseImplausible), "they still disagree");
+    bench.seen.pose_error = 0.0;
+    assert_eq!(bench.ask(Verb::Reset), Ok(state::IDLE));
+}
+
+#[test]
+fn model_without_an_equilibrium_condemns_no_poses() {
+    let mut bench = Bench::active();
+    (bench.seen.pose_error, bench.seen.model_converged) = (3.0, false);
+    bench.until(state::SAFE_STOP, ms(400)).expect("for want of a model");
+    assert_eq!(bench.cycle(None).cause, Some(Cause::ModelNotConverged));
+}
+
+#[test]
+fn currents_may_stay_away_from_commands_for_a_while_and_no_longer() {
+    let mut bench = Bench::active();
+    bench.seen.astray.current = 1.1;
+    assert_eq!(bench.cycles(100).state, state::ACTIVE);
+    bench.seen.astray.current = 0.9;
+    bench.cycle(None);
+    bench.seen.astray.angle = 11.0_f64.to_radians();
+    assert_eq!(bench.until(state::SAFE_STOP, ms(400)), Some(ms(102)));
+    assert_eq!(bench.cycle(None).cause, Some(Cause::NotFollowing));
+}
+
+#[test]
+fn another_life_of_driver_or_sensor_can_be_armed_anew() {
+    let mut bench = Bench::active();
+    bench.seen.pose_life = Some(42);
+    bench.until(state::FAULT, ms(100)).expect("at once");
+    assert_eq!(bench.ask(Verb::Reset), Ok(state::IDLE));
+    bench.cycles(10);
+    assert_eq!(bench.ask(Verb::Arm), Ok(state::ARMED));
+    assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE));
+    assert_eq!(bench.cycles(100).state, state::ACTIVE);
+}
+
+#[test]
 fn an_operators_hold_outlasts_a_loss_of_sensing() {
     let mut bench = Bench::in_state(state::HOLDING);
     assert_eq!(bench.cycle(None).directive, Directive::Follow, "held in closed loop");
