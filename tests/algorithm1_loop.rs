@@ -54,9 +54,14 @@ fn planar_steps_settle_however_far_the_jacobian_is_spread() {
     }
 }
 
+/// Goal: the same with wrenches frozen where the sensor saw the magnets, at a gain a quarter lower: as the page on frozen wrenches asks for. At
+/// the shipped gain (105, 95) takes more than twice as long to settle.
 #[test]
 fn planar_steps_settle_with_wrenches_frozen_at_measured_poses() {
-    let setup = setup(|control| algorithm_1(control).magnet_poses = PoseSource::Measured);
+    let setup = setup(|control| {
+        algorithm_1(control).magnet_poses = PoseSource::Measured;
+        control.proportional_per_s *= 0.75;
+    });
     settle("measured poses", &setup, 1.5);
 }
 

@@ -6,7 +6,7 @@
 //!
 //! # Method
 //! Shooting with an explicit Runge-Kutta scheme of fourth order, closed by Levenberg's algorithm as the library of the paper's
-//! reference [25] has it (J. Till, V. Aloi, C. Rucker, *Real-time dynamics of soft and continuum robots based on Cosserat rod models*,
+//! 25th reference has it (J. Till, V. Aloi, C. Rucker, *Real-time dynamics of soft and continuum robots based on Cosserat rod models*,
 //! Int. J. Robot. Res. 38(6), 2019):
 //! ```text
 //! (J^T J + lambda 1) dx = -J^T r                                       (h1)
