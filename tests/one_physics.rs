@@ -15,6 +15,7 @@ use magsteer::config::Config;
 use magsteer::magnetics::CoilArray;
 use magsteer::rod::{Pass, PassMode, TipLoad};
 use magsteer_hal::{Actuation, HardwareDescription, PoseMessage};
+use magsteer_sim_plant::config::CoilTruthConfig;
 use magsteer_sim_plant::{Plant, PlantConfig};
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -64,6 +65,14 @@ impl Rig {
         plant.errors.modulus_relative = 0.0;
         plant.errors.moment_relative = 0.0;
         plant.errors.coil_gain_relative = 0.0;
+        plant.errors.coil_axis_deg = 0.0;
+        plant.errors.coil_position_mm = 0.0;
+        // The series that the controller knows, in place of windings and of cores that saturate.
+        for truth in plant.field.values_mut() {
+            *truth = CoilTruthConfig::Multipole;
+        }
+        // The controller's statics leave the magnets' forces on each other out.
+        plant.rod.magnet_interaction = false;
         let array = CoilArray::new(&config.description);
         Self { config, plant, array }
     }

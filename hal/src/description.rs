@@ -19,6 +19,8 @@ pub struct HardwareDescription {
     pub gravity: [f64; 3],
     /// Frames that turn coils; their angles are the pose parameters.
     pub frames: Vec<FrameDescription>,
+    /// Names of the types of coils, those without a coil too.
+    pub coil_types: Vec<String>,
     /// Coils in command order.
     pub coils: Vec<CoilDescription>,
     /// The manipulator.
@@ -57,6 +59,8 @@ pub struct FrameDescription {
 pub struct CoilDescription {
     /// Name, for people.
     pub name: String,
+    /// One of `coil_types`: coils of one type are built alike.
+    pub coil_type: String,
     /// Coefficients `a_k` of eq. (4) per ampere, k = 1 first, T m^(k+2) / A.
     pub coefficients: Vec<f64>,
     /// Least local x at which the series is valid, m.

@@ -72,7 +72,10 @@ pub fn bigmag_config() -> HardwareConfig {
 pub fn plant_tables() -> Value {
     json!({
         "seed": 1, "step_us": 500, "sensor": "tracker",
-        "rod": {"element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2},
+        "rod": {
+            "element_length_max_mm": 2.5, "first_mode_damping_ratio": 0.2, "magnet_interaction": true,
+            "contact": "none"
+        },
         "amplifier": {
             "bandwidth_hz": 200.0, "current_gain_relative": 0.0, "current_offset_a": 0.0,
             "current_noise_a": 0.0, "current_step_a": 0.0
@@ -88,7 +91,16 @@ pub fn plant_tables() -> Value {
             "frame_error_max_deg": 20.0, "frame_error_time_ms": 500.0,
             "temperature_max_celsius": 110.0, "temperature_release_celsius": 90.0
         },
-        "errors": {"modulus_relative": 0.0, "moment_relative": 0.0, "coil_gain_relative": 0.0},
+        "field": {
+            "air": {"winding": {
+                "inner_radius_mm": 45.0, "outer_radius_mm": 63.0, "length_mm": 43.0, "turns": 642.0
+            }},
+            "iron": {"core": {"saturation_knee_a": 12.5}}
+        },
+        "errors": {
+            "modulus_relative": 0.0, "moment_relative": 0.0, "coil_gain_relative": 0.0,
+            "coil_axis_deg": 0.0, "coil_position_mm": 0.0
+        },
         "sensors": {
             "tracker": {"poses": {
                 "rate_hz": 200.0, "latency_ms": 5.0, "orientation_noise_deg": 0.2,
@@ -123,6 +135,7 @@ pub fn cantilever(section: SectionDescription) -> HardwareDescription {
         workspace: Workspace { center: [0.0; 3], radius: 10.0 },
         gravity: [0.0; 3],
         frames: Vec::new(),
+        coil_types: vec!["air".to_owned(), "iron".to_owned()],
         coils: Vec::new(),
         manipulator: ManipulatorDescription {
             base_position: [0.0; 3],

@@ -18,7 +18,7 @@ use magsteer_hal::{
 
 use crate::actuation::{ActuationSettings, Actuators, CoilCondition, Fault, FrameCondition, fault_code};
 use crate::errors::ErrorMagnitudes;
-use crate::field::CoilArray;
+use crate::field::{CoilArray, CoilTruth};
 use crate::ramp::{Ramp, RampWatch};
 use crate::rod::{Pose, Rod, RodSettings, Stepping};
 use crate::sensing::{PoseSensor, SensorError, SensorSettings, message_of};
@@ -34,6 +34,8 @@ pub struct Settings {
     pub rod: RodSettings,
     /// Amplifiers and motors.
     pub actuation: ActuationSettings,
+    /// What each coil is in truth, in the order of the description.
+    pub coil_truths: Vec<CoilTruth>,
     /// How far the true parameters are off.
     pub errors: ErrorMagnitudes,
     /// The sensor that is mounted.
@@ -65,8 +67,8 @@ pub struct Counts {
     pub steps_outside_field_model: u64,
     /// Largest magnitude of any coil's current, A.
     pub current_max: f64,
-    /// Highest temperature of any coil, K; 0 on a rig without any.
-    pub coil_temperature_max: f64,
+    /// Highest temperature of any coil, K; `None` before the first step and on a rig without any.
+    pub coil_temperature_max: Option<f64>,
     /// Faults that the driver found with its own hardware.
     pub driver_faults: u64,
     /// The last of them.
@@ -99,10 +101,12 @@ impl Plant {
         let parameters = settings.errors.apply(description, settings.seed);
         let actuators = Actuators::new(description, &settings.actuation, step, settings.seed);
         let actual = actuators.actual();
-        let mut array = CoilArray::new(description, &parameters.coil_gains);
+        let mut array = CoilArray::new(description, &settings.coil_truths, &parameters.coils);
         array.actuate(actuators.field_currents(), &actual.angle_rad);
         let undamped = Stepping { step, retardation: 0.0 };
         let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);
+        rod.set_magnet_interaction(settings.rod.magnet_interaction);
+        rod.set_contact(settings.rod.contact.clone());
         if rod.moving_mass() <= 0.0 {
             return Err(PlantError::Weightless);
         }
@@ -164,7 +168,7 @@ impl Plant {
     pub fn advance_through(&mut self, alter: impl FnOnce(&Setpoint, Stamp) -> Setpoint) {
         self.now = self.now.after(self.step);
         let setpoint = self.guard.setpoint(self.now, self.step.as_secs_f64());
-        let found = self.actuators.follow(&setpoint, &alter(&setpoint, self.now));
+        let found = self.actuators.obey(&alter(&setpoint, self.now), &setpoint);
         if self.actuators.fault().is_some() {
             // As long as it stands: a claim meanwhile is granted nothing.
             self.guard.trip();
@@ -299,8 +303,10 @@ impl Plant {
         for current in self.actuators.actual().current_a {
             self.counts.current_max = self.counts.current_max.max(current.abs());
         }
-        let hottest = self.actuators.hottest().map_or(0.0, |(_, temperature)| temperature);
-        self.counts.coil_temperature_max = self.counts.coil_temperature_max.max(hottest);
+        if let Some((_, hottest)) = self.actuators.hottest() {
+            let most = self.counts.coil_temperature_max.unwrap_or(hottest);
+            self.counts.coil_temperature_max = Some(most.max(hottest));
+        }
         self.counts.driver_faults += u64::from(found.is_some());
         self.counts.last_driver_fault = found.or(self.counts.last_driver_fault);
     }

@@ -125,7 +125,7 @@ fn a_silent_commander_loses_the_coils_and_they_come_to_zero() {
 #[test]
 fn runs_of_one_seed_are_equal_bit_for_bit_and_of_another_are_not() {
     let run = |seed: u64| {
-        let errors = json!({"modulus_relative": 0.1, "moment_relative": 0.05, "coil_gain_relative": 0.02});
+        let errors = json!({"modulus_relative": 0.1, "moment_relative": 0.05, "coil_gain_relative": 0.02, "coil_axis_deg": 0.5, "coil_position_mm": 0.5});
         let plant = plant_with(&[("/seed", json!(seed)), ("/errors", errors)]);
         let mut session = Session::claimed(plant, &fixture::bigmag());
         let sensed = session.drive(&request(), 300);
@@ -202,6 +202,8 @@ fn values_out_of_range_are_refused_by_their_keys() {
         ("/errors/modulus_relative", json!(-1.0)),
         ("/errors/moment_relative", json!(-0.05)),
         ("/errors/coil_gain_relative", json!(1.0)),
+        ("/errors/coil_axis_deg", json!(-0.5)),
+        ("/errors/coil_position_mm", json!(50.0)),
         ("/sensors/tracker/poses/rate_hz", json!(0.0)),
         ("/sensors/tracker/poses/rate_hz", json!(4000.0)),
         ("/sensors/tracker/poses/orientation_noise_deg", json!(90.0)),

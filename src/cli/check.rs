@@ -126,7 +126,8 @@ fn check(document: &Document) -> Result<Config, Problems> {
     }
 }
 
-/// What is wrong with `[plant]`, and with what a campaign draws for it. Ranges are checked once the rig that it simulates is right.
+/// What is wrong with `[plant]`, and with what a campaign draws for it. Ranges are checked once the rig that
+/// it simulates is right.
 #[cfg(feature = "sim")]
 fn check_plant(document: &Document, config: Option<&Config>) -> Vec<Problem> {
     if !document.has("plant") {

@@ -178,7 +178,7 @@ pub fn side_views(path: &Path, views: &[SideView]) -> anyhow::Result<()> {
 pub struct Spread {
     /// What is measured, with its unit.
     pub label: String,
-    /// One value a member that has one, at least one.
+    /// One value, not negative, a member that has one; at least one.
     pub values: Vec<f64>,
     /// Members, those without a value included.
     pub members: usize,
@@ -201,11 +201,10 @@ pub struct Scatter {
 pub fn spread(path: &Path, spread: &Spread) -> anyhow::Result<()> {
     let mut sorted = spread.values.clone();
     sorted.sort_by(f64::total_cmp);
-    let (least, most) = (sorted.first().copied().unwrap_or(0.0), sorted.last().copied().unwrap_or(1.0));
-    // A sample of one value would have bins of no width.
-    let margin = (0.04 * (most - least)).max(1e-3 * most.abs()).max(1e-6);
-    let range = (least - margin, most + margin);
-    let bins = (sorted.len() as f64).sqrt().ceil().clamp(5.0, 30.0) as usize;
+    // From zero, so that two samples can be compared at a glance; a sample of zeros would have bins of no
+    // width.
+    let range = (0.0, 1.04 * sorted.last().copied().unwrap_or(1.0).max(1e-6));
+    let bins = (2.0 * (sorted.len() as f64).sqrt()).ceil().clamp(10.0, 40.0) as usize;
     let width = (range.1 - range.0) / bins as f64;
     let mut counts = vec![0.0; bins];
     for value in &sorted {
@@ -222,12 +221,15 @@ pub fn spread(path: &Path, spread: &Spread) -> anyhow::Result<()> {
     steps.push((range.1, steps.last().map_or(0.0, |last| last.1)));
     let curve = LinePlot::new().with_data(steps).with_color(MEASURED_COLOR).with_stroke_width(1.6);
     let layout = |y_label: &str, y_max: f64| {
-        Layout::new(range, (0.0, y_max)).with_x_label(&*spread.label).with_y_label(y_label).with_clamp_axis()
+        let layout = Layout::new(range, (0.0, y_max)).with_x_label(&*spread.label).with_y_label(y_label);
+        layout.with_x_axis_min(range.0).with_x_axis_max(range.1).with_y_axis_max(y_max)
     };
-    let level = |value| ReferenceLine::horizontal(value).with_color(COLORS[7]);
+    let level = |value: f64| {
+        ReferenceLine::horizontal(value).with_color(COLORS[7]).with_label(format!("{value:.0} %"))
+    };
     let layouts = vec![
-        layout("runs", (1.1 * highest).ceil()),
-        layout("share of all runs below (%)", 105.0)
+        layout("runs that settled", (1.1 * highest).ceil()),
+        layout("share of all runs below (%)", 103.0)
             .with_reference_line(level(50.0))
             .with_reference_line(level(95.0)),
     ];
@@ -239,7 +241,8 @@ pub fn spread(path: &Path, spread: &Spread) -> anyhow::Result<()> {
     write(path, figure)
 }
 
-/// Draws one panel a parameter, the measure upwards; members without a measure stand in a row above the others.
+/// Draws one panel a parameter, the measure upwards; members without a measure stand in a row above the
+/// others.
 ///
 /// # Errors
 /// When the picture cannot be rendered or written.
@@ -269,7 +272,9 @@ pub fn scatters(path: &Path, measure: &str, panels: &[Scatter]) -> anyhow::Resul
                 .with_x_label(&*panel.label)
                 .with_y_label(measure)
                 .with_ticks(4)
-                .with_clamp_axis();
+                .with_x_axis_min(least - margin)
+                .with_x_axis_max(most + margin)
+                .with_y_axis_max(1.15 * top);
             (vec![dots(panel.points.clone(), MEASURED_COLOR), dots(above, PREDICTED_COLOR)], layout)
         })
         .unzip::<Vec<Plot>, Layout, Vec<_>, Vec<_>>();

@@ -19,9 +19,11 @@
 //!
 //! A number that the file writes without a point is drawn as a whole number.
 //!
-//! **Seeds.** Run r (0 first) of the campaign with seed S has the seed `scramble(scramble(S) + (r + 1) g) >> 1`: element r of the `SplitMix64` stream
-//! that begins at `scramble(S)`, with `g` its step, without its last bit since TOML's whole numbers are signed. That is also its `plant.seed`.
-//! Every key draws from a stream of its own, which begins at `scramble(run's seed) ^ FNV-1a(key)`: a run follows from its seed alone, and a further entry leaves the values of the others as they were.
+//! **Seeds.** Run r (0 first) of the campaign with seed S has the seed `scramble(scramble(S) + (r + 1) g) >>
+//! 1`: element r of the `SplitMix64` stream that begins at `scramble(S)`, with `g` its step, without its last
+//! bit since TOML's whole numbers are signed. That is also its `plant.seed`. Every key draws from a stream of
+//! its own, which begins at `scramble(run's seed) ^ FNV-1a(key)`: a run follows from its seed alone, and a
+//! further entry leaves the values of the others as they were.
 
 use magsteer_hal::invalid::{Checks, Invalid};
 use serde::{Deserialize, Serialize};
@@ -33,7 +35,8 @@ use crate::math::{SplitMix, scramble};
 const DRAWN_BELOW: &str = "plant.";
 /// The key that every run draws anyway.
 const SEED_KEY: &str = "plant.seed";
-/// Trials of one draw from a truncated normal distribution: each is accepted with a probability of 0.49 at least, see [`Distribution::sample`].
+/// Trials of one draw from a truncated normal distribution: each is accepted with a probability of 0.49 at
+/// least, see [`Distribution::sample`].
 const TRIALS_MAX: u32 = 1000;
 
 /// `[campaign]`.
@@ -104,7 +107,8 @@ pub fn run_seed(campaign_seed: u64, run: u64) -> u64 {
 }
 
 impl CampaignConfig {
-    /// Every refused value: keys that the document has no number at, distributions without sense. Whether a plant can be built is not asked here.
+    /// Every refused value: keys that the document has no number at, distributions without sense. Whether a
+    /// plant can be built is not asked here.
     #[must_use]
     pub fn check(&self, document: &Document) -> Vec<Invalid> {
         let mut checks = Checks::new();
@@ -119,12 +123,15 @@ impl CampaignConfig {
             checks.require(draw.key != SEED_KEY, &key, &draw.key, expected);
             let is_first = self.draw[..index].iter().all(|other| other.key != draw.key);
             checks.require(is_first, &key, &draw.key, "drawn once, not twice");
+            // Of a key that is refused it does not matter how its number is written.
+            let number = number.filter(|_| is_first && draw.key != SEED_KEY);
             draw.check(&path, number, &mut checks);
         }
         checks.into_result(()).err().unwrap_or_default()
     }
 
-    /// The values of the run with this seed, one a [`Draw`], as `document` writes the numbers that they replace.
+    /// The values of the run with this seed, one a [`Draw`], as `document` writes the numbers that they
+    /// replace.
     #[must_use]
     pub fn values(&self, document: &Document, run_seed: u64) -> Vec<Number> {
         self.draw.iter().map(|draw| draw.value(document.number(&draw.key), run_seed)).collect()
@@ -143,7 +150,8 @@ impl Draw {
         }
     }
 
-    /// The least and the greatest value, or every choice, each with the path of the key that gives it, below that of the draw.
+    /// The least and the greatest value, or every choice, each with the path of the key that gives it, below
+    /// that of the draw.
     #[must_use]
     pub fn extremes(&self) -> Vec<(String, f64)> {
         match self.distribution() {
@@ -225,8 +233,10 @@ fn check_range(path: &str, low: f64, high: f64, checks: &mut Checks) {
 impl Distribution {
     /// Draws a value.
     ///
-    /// A truncated normal distribution is drawn by rejection: of a normal one while the range is wider than sqrt(2 pi) deviations, else of a uniform one. Since the mean
-    /// lies within the range, the worst case is a mean at one end of a range of that width; either way a trial is then accepted with a probability of 0.49.
+    /// A truncated normal distribution is drawn by rejection: of a normal one while the range is wider than
+    /// sqrt(2 pi) deviations, else of a uniform one. Since the mean lies within the range, the worst case is
+    /// a mean at one end of a range of that width; either way a trial is then accepted with a probability of
+    /// 0.49.
     pub fn sample(&self, stream: &mut SplitMix) -> f64 {
         match self {
             Self::Uniform(Uniform { low, high }) => (low + stream.unit() * (high - low)).min(*high),

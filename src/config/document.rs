@@ -214,7 +214,8 @@ impl Document {
         }
     }
 
-    /// Puts another number where one stands; false, and nothing is changed, when there is none at that key. Problems still show the text of the file.
+    /// Puts another number where one stands; false, and nothing is changed, when there is none at that key.
+    /// Problems still show the text of the file.
     pub fn set_number(&mut self, key: &str, number: Number) -> bool {
         let Some(Node { value: value @ (Value::Integer(_) | Value::Float(_)), .. }) = self.root.find_mut(key)
         else {

@@ -34,7 +34,20 @@ pub struct DaemonConfig {
     /// Poses older than this end in a ramp to zero, ms. Above `pose_hold_ms`: how long the rod may be
     /// held open-loop. 250 for a direct tracker, 500 for a camera.
     pub pose_stop_ms: f64,
-    /// Feedback older than this is a trip, ms, 2 periods to 5000.
+    /// Poses in which a magnet points further than this from where the model has it are not believed: they
+    /// count as none, as do those of half of `pose_hold_ms` after, deg, 1 to 180 (which believes anything).
+    /// Above the model's error and what the rod turns by within the age of the poses.
+    pub pose_error_max_deg: f64,
+    /// A measured current this far from the commanded one for `following_stop_ms` is a trip, A, > 0. Above
+    /// what the amplifiers lag behind a step of the allocation.
+    pub following_current_max_a: f64,
+    /// The same for a measured frame angle, deg, above 0, to 360. Above lag and backlash of the motors.
+    pub following_angle_max_deg: f64,
+    /// How much longer currents and angles may stay away from commands than near them, ms, 2 periods to 5000.
+    /// Above the time in which the amplifiers make up for the largest step that the slew limit allows.
+    pub following_stop_ms: f64,
+    /// Feedback older than this, or whose echo of commands stands still for so long, is a trip, ms, 2 periods
+    /// to 5000.
     pub feedback_stop_ms: f64,
     /// Without a converged model for this long the loop stops, ms, 1 to 5000.
     pub model_stop_ms: f64,
@@ -73,6 +86,14 @@ pub struct Limits {
     pub pose_hold: Duration,
     /// Poses older than this: stop.
     pub pose_stop: Duration,
+    /// A magnet further than this from where the model has it, rad: not believed.
+    pub pose_error_max: f64,
+    /// A current further than this from the commanded, A: astray.
+    pub following_current_max: f64,
+    /// An angle further than this from the commanded, rad: astray.
+    pub following_angle_max: f64,
+    /// Astray for longer: stop.
+    pub following_stop: Duration,
     /// Feedback older than this: stop.
     pub feedback_stop: Duration,
     /// Model unusable for longer: stop.
@@ -98,17 +119,19 @@ impl DaemonConfig {
         let mut checks = Checks::new();
         checks.within("daemon.rate_hz", self.rate_hz, 50.0, 10_000.0);
         let period_ms = if self.rate_hz > 0.0 { 1_000.0 / self.rate_hz } else { 1.0 };
-        let times = [
+        let ranges = [
             ("command_validity_ms", self.command_validity_ms, 2.0 * period_ms, 1_000.0),
             ("pose_hold_ms", self.pose_hold_ms, 1.0, 5_000.0),
             ("pose_stop_ms", self.pose_stop_ms, 1.0, 10_000.0),
+            ("pose_error_max_deg", self.pose_error_max_deg, 1.0, 180.0),
+            ("following_stop_ms", self.following_stop_ms, 2.0 * period_ms, 5_000.0),
             ("feedback_stop_ms", self.feedback_stop_ms, 2.0 * period_ms, 5_000.0),
             ("model_stop_ms", self.model_stop_ms, 1.0, 5_000.0),
             ("ramp_timeout_ms", self.ramp_timeout_ms, 10.0, 10_000.0),
             ("arm_timeout_ms", self.arm_timeout_ms, 1.0, 150.0),
             ("overrun_window_ms", self.overrun_window_ms, 10.0 * period_ms, 10_000.0),
         ];
-        for (key, value, least, most) in times {
+        for (key, value, least, most) in ranges {
             checks.within(format!("daemon.{key}"), value, least, most);
         }
         checks.require(
@@ -117,6 +140,10 @@ impl DaemonConfig {
             self.pose_stop_ms,
             format!("above pose_hold_ms = {}", self.pose_hold_ms),
         );
+        checks.positive("daemon.following_current_max_a", self.following_current_max_a);
+        let angle = self.following_angle_max_deg;
+        let holds = angle > 0.0 && angle <= 360.0;
+        checks.require(holds, "daemon.following_angle_max_deg", angle, "above 0, at most 360");
         checks.positive("daemon.ramp_done_a", self.ramp_done_a);
         checks.positive("daemon.overcurrent_margin_a", self.overcurrent_margin_a);
         let share = self.overrun_fraction;
@@ -147,6 +174,10 @@ impl DaemonConfig {
         Limits {
             pose_hold: milliseconds(self.pose_hold_ms),
             pose_stop: milliseconds(self.pose_stop_ms),
+            pose_error_max: self.pose_error_max_deg.to_radians(),
+            following_current_max: self.following_current_max_a,
+            following_angle_max: self.following_angle_max_deg.to_radians(),
+            following_stop: milliseconds(self.following_stop_ms),
             feedback_stop: milliseconds(self.feedback_stop_ms),
             model_stop: milliseconds(self.model_stop_ms),
             ramp_timeout: milliseconds(self.ramp_timeout_ms),
@@ -205,7 +236,7 @@ pub(super) mod tests {
     #[test]
     fn each_bad_value_is_named_by_its_key() {
         type Edit = fn(&mut DaemonConfig);
-        let cases: [(&str, Edit); 20] = [
+        let cases: [(&str, Edit); 25] = [
             ("rate_hz", |config| config.rate_hz = 49.0),
             ("rate_hz", |config| config.rate_hz = 10_001.0),
             ("rate_hz", |config| config.rate_hz = f64::NAN),
@@ -213,6 +244,11 @@ pub(super) mod tests {
             ("pose_hold_ms", |config| config.pose_hold_ms = -1.0),
             ("pose_stop_ms", |config| config.pose_stop_ms = 50.0),
             ("pose_stop_ms", |config| config.pose_stop_ms = f64::INFINITY),
+            ("pose_error_max_deg", |config| config.pose_error_max_deg = 0.0),
+            ("pose_error_max_deg", |config| config.pose_error_max_deg = 200.0),
+            ("following_current_max_a", |config| config.following_current_max_a = 0.0),
+            ("following_angle_max_deg", |config| config.following_angle_max_deg = f64::NAN),
+            ("following_stop_ms", |config| config.following_stop_ms = 1.0),
             ("feedback_stop_ms", |config| config.feedback_stop_ms = 0.0),
             ("model_stop_ms", |config| config.model_stop_ms = 0.0),
             ("ramp_timeout_ms", |config| config.ramp_timeout_ms = 1.0),

@@ -23,6 +23,7 @@ use super::config::DaemonConfig;
 use super::state::{Directive, Request, State};
 use super::statistics::CycleTiming;
 use super::supervisor::{Decision, Supervisor};
+use super::trust::{self, Astray};
 use super::watch::{DriverView, Observation};
 use crate::control::{CycleInput, CycleOutcome, Directions, Step};
 use crate::math::scramble;
@@ -253,6 +254,11 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             now: tick.now,
             missed: tick.missed,
             pose_stamp: sensed.pose.last.map(|pose| pose.header.source_stamp()),
+            pose_life: sensed.pose.last.map(|pose| pose.header.epoch),
+            pose_error: trust::pose_error(outcome),
+            astray: sensed.feedback.last.map_or_else(Astray::default, |feedback| {
+                Astray::between(&feedback.measured, self.gate.previous())
+            }),
             driver: sensed.feedback.last.map(|feedback| self.rig.view(&feedback)),
             description_mismatch: self.description_mismatch,
             model_converged: outcome.model.converged,
@@ -363,6 +369,8 @@ impl Rig {
             state: feedback.state,
             fault: feedback.fault,
             epoch: feedback.accepted_epoch,
+            echoed: feedback.accepted_sequence,
+            life: feedback.header.epoch,
             current_max,
             over_current,
         }

@@ -1,12 +1,15 @@
-//! The daemon's loop in lockstep: plays an experiment under stepped time, as fast as the machine allows and the same every time.
+//! The daemon's loop in lockstep: plays an experiment under stepped time, as fast as the machine allows and
+//! the same every time.
 //!
-//! Terms: the *truth* is what the hardware knows of the magnets and no message tells; a *watcher* is called after every cycle and may break off.
+//! Terms: the *truth* is what the hardware knows of the magnets and no message tells; a *watcher* is called
+//! after every cycle and may break off.
 //!
-//! Method: each cycle runs at a tick of the nominal grid, never late. An experiment waits until the driver was heard, arms, goes, then sets one
-//! target after another and judges every step by the truth. A loop that stops steering by itself plays the step out, so that its ramp to zero is seen,
-//! and nothing after it.
+//! Method: each cycle runs at a tick of the nominal grid, never late. An experiment waits until the driver
+//! was heard, arms, goes, then sets one target after another and judges every step by the truth. A loop that
+//! stops steering by itself plays the step out, so that its ramp to zero is seen, and nothing after it.
 //!
-//! What is absent: a clock, and any name of a plant: whatever implements [`Hardware`] and advances by the stamps that it is given will do.
+//! What is absent: a clock, and any name of a plant: whatever implements [`Hardware`] and advances by the
+//! stamps that it is given will do.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -157,7 +160,8 @@ impl<H: Hardware, S: Step> Lockstep<H, S> {
         self.control_loop.request(Request { id: self.requests, verb })
     }
 
-    /// Arms, goes, and steers through `steps`, each judged by `truth`. Time before it, and other experiments, are the caller's.
+    /// Arms, goes, and steers through `steps`, each judged by `truth`. Time before it, and other experiments,
+    /// are the caller's.
     pub fn play(
         &mut self,
         steps: &[TimedTarget],
@@ -226,6 +230,12 @@ impl<H: Hardware, S: Step> Lockstep<H, S> {
         &mut self.control_loop
     }
 
+    /// Time of the next cycle.
+    #[must_use]
+    pub fn now(&self) -> Stamp {
+        self.tick.now
+    }
+
     /// Time stepped so far, s.
     #[must_use]
     pub fn elapsed(&self) -> f64 {
@@ -241,4 +251,97 @@ fn observation(time: f64, truth: &PoseMessage, magnets: usize, record: &CycleRec
     let currents = record.input.measured.current_a;
     let current = currents.iter().fold(0.0_f64, |most, current| most.max(current.abs()));
     Observation { time, tangent, current }
+}
+
+#[cfg(test)]
+mod tests {
+    use magsteer_hal::scripted::{EchoHardware, example_description};
+    use magsteer_hal::{Actuation, MagnetPose};
+
+    use super::*;
+    use crate::control::{CycleInput, CycleOutcome};
+    use crate::daemon::config::tests::shipped;
+
+    const UP: [f64; 3] = [0.0, 0.0, 1.0];
+
+    /// Asks for one ampere, and after some engaged cycles for what is not a number.
+    struct Failing {
+        engaged_left: u32,
+    }
+
+    impl Step for Failing {
+        fn step(&mut self, input: &CycleInput) -> CycleOutcome {
+            let mut request = Actuation::default();
+            self.engaged_left = self.engaged_left.saturating_sub(u32::from(input.engaged));
+            request.current_a[0] = if self.engaged_left == 0 { f64::NAN } else { 1.0 };
+            CycleOutcome::asking_for(request)
+        }
+    }
+
+    fn lockstep(engaged_left: u32) -> Lockstep<EchoHardware, Failing> {
+        let rig = example_description();
+        Lockstep::new(EchoHardware::new(&rig), Failing { engaged_left }, &rig, &shipped())
+    }
+
+    fn upright(_: &EchoHardware) -> PoseMessage {
+        let magnet = MagnetPose { orientation_xyzw: [0.0, 0.0, 0.0, 1.0], valid: 1, ..MagnetPose::default() };
+        PoseMessage { magnet_count: 2, magnets: [magnet; MAGNETS_MAX], ..PoseMessage::default() }
+    }
+
+    fn targets(count: usize) -> Vec<TimedTarget> {
+        vec![TimedTarget { directions: [UP; MAGNETS_MAX], duration: 0.3 }; count]
+    }
+
+    /// Goal: the watcher sees every cycle, those before the first step among them, and steps are judged by
+    /// the truth.
+    #[test]
+    fn an_experiment_is_armed_played_and_judged_by_the_truth() {
+        let mut lockstep = lockstep(u32::MAX);
+        let mut cycles = [0_u32; 3];
+        let played = lockstep.play(&targets(2), upright, |seen| {
+            cycles[seen.step.map_or(0, |step| step + 1)] += 1;
+            ControlFlow::Continue(())
+        });
+        assert_eq!(played.end, PlayEnd::Complete);
+        assert_eq!(cycles, [1100, 300, 300]);
+        assert!((lockstep.elapsed() - 1.7).abs() < 1e-9);
+        for step in &played.steps {
+            assert_eq!((step.response.settled_s, step.swing), (Some(0.0), 0.0));
+            assert_eq!(step.response.current_max_a, 1.0);
+        }
+    }
+
+    /// Goal: a loop that trips in the second of three steps plays that step out and ends there, with its
+    /// cause.
+    #[test]
+    fn a_loop_that_stops_by_itself_plays_the_step_out() {
+        let mut lockstep = lockstep(100 + 300 + 50);
+        let played = lockstep.play(&targets(3), upright, |_| ControlFlow::Continue(()));
+        assert_eq!(played.steps.len(), 2);
+        let PlayEnd::Stopped { state, cause } = played.end else { panic!("{:?}", played.end) };
+        assert_eq!((state, cause), (state::FAULT, Some(Cause::RequestNotFinite)));
+        let current = lockstep.cycle().input.measured.current_a[0];
+        assert!(current.abs() < 0.1, "ramped down: {current} A");
+    }
+
+    #[test]
+    fn a_watcher_breaks_off_at_once() {
+        let mut lockstep = lockstep(u32::MAX);
+        let mut cycles = 0;
+        let played = lockstep.play(&targets(2), upright, |_| {
+            cycles += 1;
+            if cycles == 1234 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!((played.end, cycles, played.steps.len()), (PlayEnd::BrokenOff, 1234, 0));
+    }
+
+    /// Goal: a target that is no direction is refused, and no step is played towards it.
+    #[test]
+    fn a_refused_target_ends_the_experiment() {
+        let mut lockstep = lockstep(u32::MAX);
+        let targets = [TimedTarget { directions: [[0.0; 3]; MAGNETS_MAX], duration: 0.3 }; 2];
+        let played = lockstep.play(&targets, upright, |_| ControlFlow::Continue(()));
+        assert_eq!(played.end, PlayEnd::Refused { cause: Some(Cause::TargetInvalid) });
+        assert_eq!(played.steps.len(), 1);
+    }
 }

@@ -9,6 +9,7 @@
 //! | `state` | the states with their diagram, requests, answers |
 //! | `supervisor` | decides the state and what the cycle may send |
 //! | `watch` | what is judged in a cycle, and which cause follows from it |
+//! | `trust` | whether driver and sensor can be believed, though what they say is fresh and well formed |
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
 //! | `statistics` | lossless histograms of timing |
@@ -16,6 +17,7 @@
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
 //! | `target` | targets and tangents as people write and read them |
 //! | `lockstep` | the loop under stepped time: plays an experiment faster than real time |
+//! | `run_digest` | a run in 64 bits, to see whether two are the same |
 //! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
@@ -27,6 +29,7 @@ mod control_loop_tests;
 pub mod kernel;
 pub mod lockstep;
 mod run;
+mod run_digest;
 mod runner;
 mod state;
 mod statistics;
@@ -36,6 +39,7 @@ mod supervisor;
 mod supervisor_tests;
 pub mod target;
 mod telemetry;
+mod trust;
 mod view;
 mod watch;
 
@@ -43,8 +47,10 @@ pub use clock::{Clock, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
 pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
 pub use run::{RunError, RunPlan, RunReport, run};
+pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
 pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};
 pub use supervisor::{Decision, Supervisor};
+pub use trust::Astray;
 pub use watch::{DriverView, Observation, Response, response};

@@ -1,8 +1,9 @@
 //! Judges how a closed loop answered a step of its targets.
 //!
-//! Terms: a step has *settled* from the first moment after which every magnet stays within [`SETTLED_WITHIN`] of its
-//! target to the step's end, and for [`SETTLED_FOR`] at least. The error of a magnet is the angle between its tangent and its target; its signed error is the difference of their
-//! angles from global z, as the paper's figures show it. Mean and RMS are taken over [`JUDGED_OVER`] at the step's end.
+//! Terms: a step has *settled* from the first moment after which every magnet stays within [`SETTLED_WITHIN`]
+//! of its target to the step's end, and for [`SETTLED_FOR`] at least. The error of a magnet is the angle
+//! between its tangent and its target; its signed error is the difference of their angles from global z, as
+//! the paper's figures show it. Mean and RMS are taken over [`JUDGED_OVER`] at the step's end.
 
 use std::collections::VecDeque;
 
@@ -15,7 +16,8 @@ use crate::math::angle_between;
 
 /// Greatest error of a settled magnet, rad.
 pub const SETTLED_WITHIN: f64 = 1.0_f64.to_radians();
-/// Least time to stay settled, s: about a period of the manipulator's first mode, so that swinging through the target does not count.
+/// Least time to stay settled, s: about a period of the manipulator's first mode, so that swinging through
+/// the target does not count.
 pub const SETTLED_FOR: f64 = 0.25;
 /// Time at the end of a step over which mean and RMS are taken, s.
 pub const JUDGED_OVER: f64 = 1.0;
@@ -122,8 +124,8 @@ impl Judge {
         }
     }
 
-    /// Farthest that a magnet's tangent was from its last one within the last [`JUDGED_OVER`], rad: what tells a loop that swings
-    /// on from one that rests beside its target.
+    /// Farthest that a magnet's tangent was from its last one within the last [`JUDGED_OVER`], rad: what
+    /// tells a loop that swings on from one that rests beside its target.
     #[must_use]
     pub fn swing(&self) -> f64 {
         let turned = |magnet: usize| {
@@ -206,7 +208,8 @@ mod tests {
         assert_eq!(response.settled_s, Some(0.0));
     }
 
-    /// Goal: a magnet that swings about its target by half a degree at the end has a swing of one, whatever it did before.
+    /// Goal: a magnet that swings about its target by half a degree at the end has a swing of one, whatever
+    /// it did before.
     #[test]
     fn swing_is_that_of_the_last_second() {
         let mut judge = Judge::new(&[tangent_at(90.0)]);

@@ -123,7 +123,7 @@ impl Supervisor {
         let waiting = || self.watch.forbids_leaving_boot(seen);
         let cause = if self.state == State::Boot { waiting() } else { self.cause };
         let lost = matches!(self.state, State::Holding { sensing_lost: true, .. });
-        let why = if lost { Some(Cause::PoseStale) } else { self.cause };
+        let why = if lost { self.watch.lost_sensing(seen) } else { self.cause };
         let transition =
             changed.then(|| Transition { from: before.code(), to: self.state.code(), cause: why });
         Decision {
@@ -294,6 +294,7 @@ impl Supervisor {
     fn await_claim(&mut self, since: Stamp, request_id: u32, seen: &Observation, answers: &mut Answers) {
         let echoed = |driver: &DriverView| driver.epoch == self.epoch && driver.state == driver_state::DRIVEN;
         if seen.driver.as_ref().is_some_and(echoed) {
+            self.watch.note_grant(seen);
             self.enter_armed();
             answers.push(request_id, None);
         } else if seen.now.since(since) > self.watch.limits().arm_timeout {
@@ -319,7 +320,7 @@ impl Supervisor {
     }
 
     fn sensing_lost(&self, seen: &Observation) -> bool {
-        !seen.poses_within(self.watch.limits().pose_hold)
+        self.watch.lost_sensing(seen).is_some()
     }
 
     /// A release is repeated until the driver shows that it no longer obeys this epoch, at most for a

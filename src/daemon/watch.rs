@@ -11,6 +11,7 @@ use magsteer_hal::operator::Cause;
 
 use super::config::Limits;
 use super::state::State;
+use super::trust::{Astray, Trust};
 
 /// The driver as its newest feedback shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +24,10 @@ pub struct DriverView {
     pub fault: u32,
     /// Epoch that it obeys.
     pub epoch: u64,
+    /// Sequence of the command that it echoes.
+    pub echoed: u64,
+    /// The driver's own life: another number after each of its starts.
+    pub life: u64,
     /// Greatest measured current, A.
     pub current_max: f64,
     /// True when a measured current lies beyond its coil's limit and margin.
@@ -38,8 +43,14 @@ pub struct Observation {
     pub missed: u64,
     /// Exposure of the newest valid poses.
     pub pose_stamp: Option<Stamp>,
+    /// Life of the sensor that sent them.
+    pub pose_life: Option<u64>,
+    /// Greatest angle between a magnet's measured direction and the model's, rad.
+    pub pose_error: f64,
     /// Newest valid feedback.
     pub driver: Option<DriverView>,
+    /// How far what was measured lies off what was commanded.
+    pub astray: Astray,
     /// True when feedback was refused because it speaks of another rig.
     pub description_mismatch: bool,
     /// True when the model's equilibrium was found in this cycle.
@@ -59,10 +70,6 @@ impl Observation {
     #[must_use]
     pub fn pose_age(&self) -> Option<Duration> {
         self.pose_stamp.map(|stamp| self.now.since(stamp))
-    }
-
-    pub(super) fn poses_within(&self, limit: Duration) -> bool {
-        self.pose_age().is_some_and(|age| age <= limit)
     }
 
     pub(super) fn fresh_driver(&self, limit: Duration) -> Option<&DriverView> {
@@ -125,6 +132,7 @@ pub struct Watch {
     overruns: OverrunBucket,
     model_unusable_since: Option<Stamp>,
     write_failing_since: Option<Stamp>,
+    trust: Trust,
 }
 
 impl Watch {
@@ -136,7 +144,13 @@ impl Watch {
             capacity: limits.overrun_capacity,
             level: 0.0,
         };
-        Self { limits, overruns, model_unusable_since: None, write_failing_since: None }
+        Self {
+            limits,
+            overruns,
+            model_unusable_since: None,
+            write_failing_since: None,
+            trust: Trust::new(limits),
+        }
     }
 
     /// Takes one cycle's observation.
@@ -145,6 +159,12 @@ impl Watch {
         let model_usable = seen.model_converged && seen.field_valid;
         self.model_unusable_since = since(self.model_unusable_since, !model_usable, seen.now);
         self.write_failing_since = since(self.write_failing_since, seen.write_failed, seen.now);
+        self.trust.observe(seen);
+    }
+
+    /// Remembers which life of driver and sensor granted authority: another one has to be armed anew.
+    pub fn note_grant(&mut self, seen: &Observation) {
+        self.trust.note_grant(seen);
     }
 
     /// The worst cause that stops the daemon in `state`; `epoch` is the one it holds.
@@ -178,8 +198,15 @@ impl Watch {
         let Some(driver) = seen.fresh_driver(self.limits.feedback_stop) else {
             return Some(Cause::FeedbackStale);
         };
-        if driver.epoch != epoch || driver.state != driver_state::DRIVEN {
+        if self.trust.is_astray() {
+            return Some(Cause::NotFollowing);
+        }
+        let obeys = driver.epoch == epoch && driver.state == driver_state::DRIVEN;
+        if !obeys || self.trust.driver_restarted(seen) {
             return Some(Cause::AuthorityLost);
+        }
+        if self.trust.echo_stands_still(seen) {
+            return Some(Cause::FeedbackStale);
         }
         if seen.description_mismatch {
             return Some(Cause::DescriptionMismatch);
@@ -198,7 +225,26 @@ impl Watch {
         if lasted(self.model_unusable_since, seen.now, self.limits.model_stop) {
             return Some(model_cause(seen));
         }
-        (!seen.poses_within(self.limits.pose_stop)).then_some(Cause::PoseStale)
+        if self.trust.sensor_restarted(seen) {
+            return Some(Cause::SensorRestarted);
+        }
+        self.lacks_poses(seen, self.limits.pose_stop)
+    }
+
+    /// Why there are no poses that were true within `limit` and can be believed.
+    fn lacks_poses(&self, seen: &Observation, limit: Duration) -> Option<Cause> {
+        if self.trust.poses_within(seen, limit) {
+            return None;
+        }
+        let is_fresh = seen.pose_age().is_some_and(|age| age <= limit);
+        let wrong = is_fresh && !self.trust.pose_is_believed();
+        Some(if wrong { Cause::PoseImplausible } else { Cause::PoseStale })
+    }
+
+    /// Why the loop holds for want of poses.
+    #[must_use]
+    pub fn lost_sensing(&self, seen: &Observation) -> Option<Cause> {
+        self.lacks_poses(seen, self.limits.pose_hold)
     }
 
     /// Why the daemon may not take authority now.
@@ -210,8 +256,8 @@ impl Watch {
         if let Some(cause) = self.forbids_leaving_boot(seen) {
             return Some(cause);
         }
-        if !seen.poses_within(self.limits.pose_hold) {
-            return Some(Cause::PoseStale);
+        if let Some(cause) = self.lost_sensing(seen) {
+            return Some(cause);
         }
         let driver = seen.driver.as_ref()?;
         // A claim also puts cut amplifiers back to work; what cut them was reset before.
@@ -223,8 +269,8 @@ impl Watch {
     /// Why the daemon may not start to steer now.
     #[must_use]
     pub fn forbids_steering(&self, seen: &Observation) -> Option<Cause> {
-        if !seen.poses_within(self.limits.pose_hold) {
-            return Some(Cause::PoseStale);
+        if let Some(cause) = self.lost_sensing(seen) {
+            return Some(cause);
         }
         (!seen.model_converged || !seen.field_valid).then(|| model_cause(seen))
     }
@@ -244,7 +290,7 @@ impl Watch {
     pub fn persists(&self, cause: Cause, seen: &Observation) -> bool {
         let driver = seen.driver.as_ref();
         match cause {
-            Cause::PoseStale => !seen.poses_within(self.limits.pose_hold),
+            Cause::PoseStale | Cause::PoseImplausible => self.lost_sensing(seen).is_some(),
             Cause::ModelNotConverged => !seen.model_converged,
             Cause::FieldModelInvalid => !seen.field_valid,
             Cause::Overruns => self.overruns.level > 0.5 * self.overruns.capacity,
@@ -280,7 +326,8 @@ fn since(begin: Option<Stamp>, wrong: bool, now: Stamp) -> Option<Stamp> {
     if wrong { begin.or(Some(now)) } else { None }
 }
 
-fn lasted(begin: Option<Stamp>, now: Stamp, limit: Duration) -> bool {
+/// True when something that began then has lasted for longer than `limit`.
+pub(super) fn lasted(begin: Option<Stamp>, now: Stamp, limit: Duration) -> bool {
     begin.is_some_and(|begin| now.since(begin) > limit)
 }
 

@@ -6,9 +6,11 @@
 //! - `validity`: where the series of the coils hold.
 //! - `wrench`: dipoles, and the actuation matrix of eq. (13).
 //! - `affine`: a uniform field and gradient in place of an array.
+//! - [`fit`]: the coils' coefficients from measurements.
 
 mod affine;
 mod array;
+pub mod fit;
 mod multipole;
 mod sample;
 mod validity;

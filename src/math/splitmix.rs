@@ -1,6 +1,7 @@
 //! Numbers that look random and follow from a seed: `SplitMix64` of Steele, Lea and Flood, 2014.
 //!
-//! It is written out here, and not taken from a library, because what follows from a seed must not change with a library's version.
+//! It is written out here, and not taken from a library, because what follows from a seed must not change
+//! with a library's version.
 
 use std::f64::consts::TAU;
 
@@ -55,7 +56,8 @@ impl SplitMix {
 mod tests {
     use super::SplitMix;
 
-    /// Goal: the numbers are those of the published generator: the first five for the seed 1234567, as Rosetta Code gives them.
+    /// Goal: the numbers are those of the published generator: the first five for the seed 1234567, as
+    /// Rosetta Code gives them.
     #[test]
     fn numbers_are_those_of_the_published_generator() {
         let mut stream = SplitMix::new(1_234_567);
@@ -73,7 +75,8 @@ mod tests {
         assert_eq!(later.bits(), published[3]);
     }
 
-    /// Goal: 20,000 normal numbers have mean 0, deviation 1 and 95 % within 1.96, each within four standard errors.
+    /// Goal: 20,000 normal numbers have mean 0, deviation 1 and 95 % within 1.96, each within four standard
+    /// errors.
     #[test]
     fn normal_numbers_have_the_moments_of_a_normal_distribution() {
         let mut stream = SplitMix::new(7);

@@ -7,15 +7,17 @@
 //! | z | 1.96, the normal distribution's quantile at 97.5 % |
 //! | q | level of a quantile, 0 to 1 |
 //!
-//! Sources: E. B. Wilson, *Probable inference, the law of succession, and statistical inference*, J. Am. Stat. Assoc. 22, 1927, for the interval of
-//! a share; H. A. David, H. N. Nagaraja, *Order Statistics*, 3rd ed., section 7.1, for that of a quantile, which presumes nothing of the distribution.
+//! Sources: E. B. Wilson, *Probable inference, the law of succession, and statistical inference*, J. Am.
+//! Stat. Assoc. 22, 1927, for the interval of a share; H. A. David, H. N. Nagaraja, *Order Statistics*, 3rd
+//! ed., section 7.1, for that of a quantile, which presumes nothing of the distribution.
 
 /// z: the normal distribution's quantile at 97.5 %.
 const Z: f64 = 1.959_963_984_540_054;
 /// Probability that the interval of a quantile leaves out on either side, at most.
 const TAIL: f64 = 0.025;
 
-/// Wilson's 95 % interval of a share of which `successes` of `trials` were seen; all of [0, 1] when there were no trials.
+/// Wilson's 95 % interval of a share of which `successes` of `trials` were seen; all of [0, 1] when there
+/// were no trials.
 ///
 /// `(p + z^2 / 2n -+ z sqrt(p (1 - p) / n + z^2 / 4n^2)) / (1 + z^2 / n)`
 #[must_use]
@@ -44,11 +46,12 @@ pub fn quantile(sorted: &[f64], level: f64) -> Option<f64> {
     Some(sorted[below] + (position - below as f64) * (sorted[above] - sorted[below]))
 }
 
-/// 95 % interval of the quantile of what the sample in rising order was drawn from: two of its members, between which the quantile lies
-/// whatever the distribution. An end for which there are too few members is `None`.
+/// 95 % interval of the quantile of what the sample in rising order was drawn from: two of its members,
+/// between which the quantile lies whatever the distribution. An end for which there are too few members is
+/// `None`.
 ///
-/// With B, how many of n members lie below the quantile, binomial (n, q): the l-th member is the greatest with P(B < l) <= 2.5 %, the u-th
-/// the least with P(B >= u) <= 2.5 %.
+/// With B, how many of n members lie below the quantile, binomial (n, q): the l-th member is the greatest
+/// with P(B < l) <= 2.5 %, the u-th the least with P(B >= u) <= 2.5 %.
 #[must_use]
 pub fn quantile_interval(sorted: &[f64], level: f64) -> [Option<f64>; 2] {
     let below = cumulative_binomial(sorted.len(), level);
@@ -84,7 +87,8 @@ mod tests {
         }
     }
 
-    /// Goal: published examples. 81 of 263 and 15 of 148: Newcombe, Statistics in Medicine 17, 1998, table I, method 3; 0 of 20 and 1 of 29 there too.
+    /// Goal: published examples. 81 of 263 and 15 of 148: Newcombe, Statistics in Medicine 17, 1998, table I,
+    /// method 3; 0 of 20 and 1 of 29 there too.
     #[test]
     fn wilson_interval_agrees_with_published_values() {
         assert_interval(wilson_interval(81, 263), [0.2553, 0.3662]);
@@ -114,7 +118,8 @@ mod tests {
         assert_eq!((quantile(&[], 0.5), quantile(&[3.0], 0.95)), (None, Some(3.0)));
     }
 
-    /// Goal: the ranks of tables of binomial intervals: median of 10: 2nd to 9th; of 20: 6th to 15th; of 100: 40th to 61st.
+    /// Goal: the ranks of tables of binomial intervals: median of 10: 2nd to 9th; of 20: 6th to 15th; of 100:
+    /// 40th to 61st.
     #[test]
     fn interval_of_the_median_has_the_ranks_of_tables() {
         for (count, low, high) in [(10, 2.0, 9.0), (20, 6.0, 15.0), (100, 40.0, 61.0)] {
@@ -125,7 +130,8 @@ mod tests {
         assert_eq!(quantile_interval(&[], 0.5), [None, None]);
     }
 
-    /// Goal: of 2,000 samples of 100 the interval holds the 90 % quantile of what they were drawn from in 95 % and a little more.
+    /// Goal: of 2,000 samples of 100 the interval holds the 90 % quantile of what they were drawn from in 95
+    /// % and a little more.
     #[test]
     fn interval_of_a_quantile_holds_it_as_often_as_it_says() {
         let mut stream = SplitMix::new(3);

@@ -1,4 +1,5 @@
 //! The daemon's loop with its real controller against the simulated rig in lockstep.
+#![allow(dead_code, reason = "every test file compiles its own copy and uses a part of it")]
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};

@@ -37,6 +37,7 @@ impl HardwareConfig {
             },
             gravity: self.rig.gravity_m_per_s2,
             frames,
+            coil_types: self.coil_types.keys().cloned().collect(),
             coils,
             manipulator,
         })
@@ -93,6 +94,7 @@ impl HardwareConfig {
         let distance = millimetres(coil.distance_mm);
         Some(CoilDescription {
             name: coil.name.clone(),
+            coil_type: coil.coil_type.clone(),
             coefficients: coil_type.coefficients_si.clone(),
             valid_from_x: millimetres(coil_type.valid_from_x_mm),
             rotation,

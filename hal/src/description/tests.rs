@@ -9,13 +9,15 @@ fn equal_descriptions_have_equal_fingerprints() {
 #[test]
 fn every_change_of_the_description_changes_its_fingerprint() {
     type Change = fn(&mut HardwareDescription);
-    let changes: [Change; 12] = [
+    let changes: [Change; 14] = [
         |rig| rig.rig.push('x'),
         |rig| rig.workspace.radius = rig.workspace.radius.next_up(),
         |rig| rig.gravity[2] = -rig.gravity[2],
         |rig| rig.frames[0].pivot[0] = -0.0,
         |rig| rig.frames[1].speed_max *= 2.0,
         |rig| rig.coils[0].coefficients[1] = rig.coils[0].coefficients[1].next_up(),
+        |rig| rig.coil_types.push("air".to_owned()),
+        |rig| rig.coils[0].coil_type.push('x'),
         |rig| rig.coils[1].frame = None,
         |rig| rig.coils[2].slew_max += 1.0,
         |rig| rig.coils.swap(0, 1),

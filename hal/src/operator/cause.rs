@@ -81,6 +81,12 @@ causes! {
     RequestNotFinite = 207, "the controller asked for a value that is not finite";
     /// The driver no longer obeys this daemon's epoch: it restarted, or its watchdog ran out.
     AuthorityLost = 208, "the driver no longer obeys this daemon";
+    /// Poses come from another life of the sensor than when authority was granted.
+    SensorRestarted = 209, "the pose sensor restarted";
+    /// Measured directions lie further off the model than can be believed.
+    PoseImplausible = 210, "measured poses and the model disagree";
+    /// Measured currents or angles stay away from the commanded ones.
+    NotFollowing = 211, "currents or angles do not follow commands";
 
     // 300 to 399: the amplifiers are cut at once.
     /// The measured current did not reach zero within the ramp's time-out.

@@ -13,6 +13,7 @@ const IDENTITY: Rows3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 pub fn example_description() -> HardwareDescription {
     let coil = |index: usize, current_max: f64, slew_max: f64| CoilDescription {
         name: format!("coil{index}"),
+        coil_type: "iron".to_owned(),
         coefficients: vec![2.8e-6, 7.5e-8],
         valid_from_x: 0.043,
         rotation: IDENTITY,
@@ -57,6 +58,7 @@ pub fn example_description() -> HardwareDescription {
         workspace: Workspace { center: [0.0; 3], radius: 0.055 },
         gravity: [0.0, 0.0, -9.81],
         frames: vec![frame("bottom"), frame("top")],
+        coil_types: vec!["iron".to_owned()],
         coils: vec![coil(0, 8.0, 200.0), coil(1, 8.0, 200.0), coil(2, 4.0, 100.0)],
         manipulator: ManipulatorDescription {
             base_position: [-0.055, 0.0, 0.0],

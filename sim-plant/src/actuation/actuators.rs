@@ -74,10 +74,13 @@ impl Actuators {
 
     /// Follows a set point for one step; the fault that the driver found in it. As long as
     /// [`Actuators::fault`] stands the caller is to cut the bridges.
-    ///
-    /// `asked` is what the guard asks for, against which the driver judges; amplifiers and motors obey
-    /// `obeyed`, which is another while a fault of the actuators is played.
-    pub fn follow(&mut self, asked: &Setpoint, obeyed: &Setpoint) -> Option<Fault> {
+    pub fn follow(&mut self, setpoint: &Setpoint) -> Option<Fault> {
+        self.obey(setpoint, setpoint)
+    }
+
+    /// As [`Actuators::follow`], while a fault of the actuators is played: they obey `obeyed`, and the
+    /// driver judges them by `asked`, which is what its guard asks for.
+    pub fn obey(&mut self, obeyed: &Setpoint, asked: &Setpoint) -> Option<Fault> {
         let is_cut = matches!(obeyed, Setpoint::Disable(_));
         let set = obeyed.actuation();
         self.coils.follow(&set.current_a, is_cut);

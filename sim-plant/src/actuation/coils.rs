@@ -112,9 +112,12 @@ impl Coils {
         self.sensors.measure(&self.circuits.currents()[..count], &mut self.measured[..count]);
     }
 
-    /// Sets what is wrong with a coil.
+    /// Sets what is wrong with a coil; a condition that it already has changes nothing.
     pub fn set_condition(&mut self, index: usize, condition: CoilCondition) {
         let coil = &mut self.coils[index];
+        if coil.condition == condition {
+            return;
+        }
         coil.condition = condition;
         coil.held = match condition {
             CoilCondition::StuckAmplifier { holds: Held::Current } => self.measured[index],

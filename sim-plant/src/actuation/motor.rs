@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `p`, `u` | angle of the motor, rad; its speed over the last step, rad/s |
 //! | `D` | way to go: set point, held within the frame's range, minus `p` |
-//! | `V`, `A` | greatest speed, rad/s, and acceleration, rad/s^2 |
+//! | `U`, `A` | greatest speed, rad/s, and acceleration, rad/s^2 |
 //! | `f`, `b` | angle of the frame, rad; play of the gear, rad |
 //! | `t` | the step, s |
 //!
@@ -18,7 +18,7 @@
 //!
 //! `u = D / ((m + 1) t) + A t m / 2`, `m = floor((sqrt(1 + 8 D / (A t^2)) - 1) / 2)`              (14)
 //!
-//! taken as far as `V` and `A t` allow: a trapezoid over time that is exact at every step. It meets a
+//! taken as far as `U` and `A t` allow: a trapezoid over time that is exact at every step. It meets a
 //! standing set point without overshoot and then stands; a set point that turns back is overrun only by what
 //! no brake could help.
 //!
@@ -146,7 +146,7 @@ mod tests {
         assert!((motor.least..=motor.greatest).contains(&motor.angle));
     }
 
-    /// Goal: a long way takes the time of the trapezoid, `D / V + V / A`, up to a step for each of its three
+    /// Goal: a long way takes the time of the trapezoid, `D / U + U / A`, up to a step for each of its three
     /// pieces; the motor never goes past the set point, nor back, and then stands on it.
     #[test]
     fn a_long_turn_is_a_trapezoid_without_overshoot() {

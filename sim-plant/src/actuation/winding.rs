@@ -2,7 +2,8 @@
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | `T`, `T_a`, `T_0` | temperature of the winding, of its surroundings, and that of the described resistance, K |
+//! | `T`, `T_a` | temperature of the winding, and of its surroundings, K |
+//! | `T_0` | temperature at which the described resistance holds, K |
 //! | `R_0`, `R` | described resistance, and at `T`, ohm |
 //! | `alpha` | temperature coefficient, 1/K; copper 0.00393 at 20 degrees Celsius |
 //! | `C`, `Z` | heat capacity, J/K; thermal resistance to the surroundings, K/W |

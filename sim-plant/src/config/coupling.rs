@@ -15,7 +15,7 @@ pub struct CouplingConfig {
     pub coils: [String; 2],
     /// Mutual inductance over the geometric mean of both inductances, -1 to 1, positive where currents that
     /// are positive by the description support each other's flux. All together must leave the matrix of
-    /// coefficients with its eigenvalues above 0.5.
+    /// coefficients with its eigenvalues above 0.7.
     pub coefficient: f64,
 }
 

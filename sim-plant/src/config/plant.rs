@@ -11,6 +11,7 @@ use super::amplifier::AmplifierConfig;
 use super::coupling::{CouplingConfig, couplings};
 use super::driver::{DriverConfig, Watched};
 use super::errors::ErrorsConfig;
+use super::field::{self, CoilTruthConfig};
 use super::motor::MotorConfig;
 use super::real_time::RealTimeConfig;
 use super::rod::RodConfig;
@@ -41,6 +42,8 @@ pub struct PlantConfig {
     pub motor: MotorConfig,
     /// `[plant.driver]`
     pub driver: DriverConfig,
+    /// `[plant.field.TYPE]`, TYPE one of `[coil_types]`
+    pub field: BTreeMap<String, CoilTruthConfig>,
     /// `[plant.errors]`
     pub errors: ErrorsConfig,
     /// `[plant.sensors.NAME]`
@@ -58,6 +61,7 @@ impl PlantConfig {
         let mut checks = Checks::new();
         self.check(description, &mut checks);
         let couplings = couplings(&self.coupling, description, &mut checks);
+        let coil_truths = field::truths(&self.field, description, &mut checks);
         // One that is not there has been refused.
         let Some(sensor) = checks.into_result(self.sensors.get(&self.sensor))? else {
             return Err(Vec::new());
@@ -67,6 +71,7 @@ impl PlantConfig {
             step: Duration::from_micros(self.step_us),
             rod: self.rod.settings(),
             actuation: self.actuation(couplings, description),
+            coil_truths,
             errors: self.errors.magnitudes(),
             sensor: sensor.settings(),
         };

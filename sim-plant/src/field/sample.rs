@@ -1,6 +1,11 @@
 //! What a field is at a point, and what it does to a dipole.
 
+use std::f64::consts::PI;
+
 use nalgebra::{Matrix3, Vector3};
+
+/// Magnetic constant, T m / A, as in the SI before 2019; that of today differs by 2e-10 of itself.
+pub(super) const MU0: f64 = 4e-7 * PI;
 
 /// Field and gradient at a point, world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -29,6 +29,7 @@ impl Rod {
         }
         self.add_elements();
         self.add_magnets();
+        self.add_contacts();
         for (motion, residual) in self.motions.iter().zip(&mut self.residual) {
             let to_body = motion.half.rotation.inverse();
             let (force, moment) = split(residual);
@@ -73,16 +74,6 @@ impl Rod {
         }
     }
 
-    fn add_magnets(&mut self) {
-        for (magnet, field) in self.chain.magnets.iter().zip(&self.fields) {
-            let Some(index) = magnet.body else { continue };
-            let rotation = self.motions[index].half.rotation;
-            let wrench = field.wrench(&(rotation * magnet.moment_body));
-            let arm = rotation * Vector3::new(0.0, 0.0, magnet.offset);
-            self.residual[index] += stack(&wrench.force, &(wrench.torque + arm.cross(&wrench.force)));
-        }
-    }
-
     /// `x / 2 + tau / t` of (iv).
     fn rate_share(&self) -> f64 {
         DISSIPATION / 2.0 + self.stepping.retardation / self.stepping.step
@@ -102,6 +93,7 @@ impl Rod {
             let zero = Matrix3::zeros();
             self.tangent.add_diagonal(index, &blocks(&zero, &zero, &zero, &turning));
         }
+        self.add_contacts_to_tangent();
     }
 
     /// Elastic tangent at rest, without inertia, damping and magnets.
@@ -161,7 +153,7 @@ impl EndMap {
     }
 }
 
-fn stack(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
+pub(super) fn stack(force: &Vector3<f64>, moment: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
 }
 

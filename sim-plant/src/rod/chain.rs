@@ -97,6 +97,19 @@ pub struct Magnet {
     pub moment_body: Vector3<f64>,
 }
 
+/// A point on a moving body's axis that can touch a wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactPoint {
+    /// Index of its body.
+    pub body: usize,
+    /// From the body's centre of mass along the tangent, m.
+    pub offset: f64,
+    /// From the axis to the rod's surface, m.
+    pub radius: f64,
+    /// Length of rod that it stands for, m.
+    pub length: f64,
+}
+
 /// Constants of a rod. Element `k` joins body `k - 1` (the clamp for `k = 0`) to body `k`.
 #[derive(Debug, Clone)]
 pub struct Chain {
@@ -110,6 +123,8 @@ pub struct Chain {
     pub elements: Vec<Element>,
     /// In the order of the description.
     pub magnets: Vec<Magnet>,
+    /// From clamp to tip.
+    pub contact_points: Vec<ContactPoint>,
     /// Poses of the bodies' centres of mass when nothing loads the rod.
     pub unloaded: Vec<Pose>,
 }
@@ -129,6 +144,8 @@ struct Assembly {
     pieces: Vec<Piece>,
     length: f64,
     magnets: Vec<(f64, Vector3<f64>)>,
+    /// Place, radius and length.
+    surfaces: Vec<[f64; 3]>,
 }
 
 impl Chain {
@@ -145,6 +162,7 @@ impl Chain {
             bodies: Vec::new(),
             elements: Vec::new(),
             magnets: Vec::new(),
+            contact_points: Vec::new(),
             unloaded: Vec::new(),
         };
         let mut assembly = Assembly::default();
@@ -155,10 +173,11 @@ impl Chain {
                     let count = meshing.elements(section);
                     let element = Element::of_section(section, count);
                     for _ in 0..count {
-                        assembly.glue(section, assembly.length + element.length / 6.0, element.length);
+                        let end = assembly.length;
+                        assembly.glue(section, end, element.length / 6.0, element.length);
                         chain.finish(std::mem::take(&mut assembly));
                         chain.elements.push(element.clone());
-                        assembly.glue(section, -element.length / 6.0, element.length);
+                        assembly.glue(section, 0.0, -element.length / 6.0, element.length);
                     }
                 }
             }
@@ -189,6 +208,15 @@ impl Chain {
             offset: at - centre,
             moment_body: *moment,
         }));
+        if let Some(body) = body {
+            let point = |[at, radius, length]: &[f64; 3]| ContactPoint {
+                body,
+                offset: at - centre,
+                radius: *radius,
+                length: *length,
+            };
+            self.contact_points.extend(assembly.surfaces.iter().map(point));
+        }
         if clamped {
             self.clamp = Pose { position: self.base.along(assembly.length), ..self.base };
         } else {
@@ -222,10 +250,24 @@ impl Assembly {
             inertia_axial: magnet.mass * magnet.radius.powi(2) / 2.0,
         });
         self.magnets.push((at, Vector3::from(magnet.moment_body)));
+        for end in [at - magnet.length / 2.0, at + magnet.length / 2.0] {
+            self.touch(end, magnet.radius, magnet.length / 2.0);
+        }
     }
 
-    /// Half an element of a section; its own rotary inertia is that of the cross-section.
-    fn glue(&mut self, section: &SectionDescription, at: f64, element_length: f64) {
+    /// A point of contact, joined with one of the same radius at the same place.
+    fn touch(&mut self, at: f64, radius: f64, length: f64) {
+        match self.surfaces.iter_mut().find(|surface| surface[0] == at && surface[1] == radius) {
+            Some(surface) => surface[2] += length,
+            None => self.surfaces.push([at, radius, length]),
+        }
+    }
+
+    /// Half an element of a section, whose node is at the body's end and whose mass `inwards` from it. Its own rotary
+    /// inertia is that of the cross-section.
+    fn glue(&mut self, section: &SectionDescription, node: f64, inwards: f64, element_length: f64) {
+        let at = node + inwards;
+        self.touch(node, section.radius, element_length / 2.0);
         let mass = section.mass_per_length * element_length / 2.0;
         let inertia_transverse = mass * section.radius.powi(2) / 4.0;
         self.pieces.push(Piece { mass, at, inertia_transverse, inertia_axial: 2.0 * inertia_transverse });
@@ -298,6 +340,20 @@ mod tests {
         assert_eq!(bodies, [None, Some(0), Some(0), Some(1)]);
         assert!((chain.clamp.position - Vector3::new(-0.05, 0.0, 0.0)).norm() < 1e-15);
         assert!((chain.bodies[0].distal - chain.bodies[0].proximal - 0.01).abs() < 1e-15);
+    }
+
+    #[test]
+    fn points_of_contact_stand_for_the_whole_length() {
+        let description = fixture::bigmag();
+        let chain = Chain::new(&description.manipulator, Meshing { element_length_max: 2.5e-3 });
+        // Nine nodes and an end in each section, and both ends of each magnet; the rubber's end at a magnet is a point of its own.
+        assert_eq!(chain.contact_points.len(), 2 * (9 + 1 + 2) + 1);
+        let length: f64 = chain.contact_points.iter().map(|point| point.length).sum();
+        // Half an element stays at the clamp.
+        assert!((length - (0.06 - 1.25e-3)).abs() < 1e-15);
+        let last = chain.contact_points.last().expect("has points");
+        let tip = chain.unloaded[last.body].along(last.offset);
+        assert!((tip - Vector3::new(0.005, 0.0, 0.0)).norm() < 1e-15 && last.radius == 2e-3);
     }
 
     #[test]

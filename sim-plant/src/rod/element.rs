@@ -99,6 +99,7 @@ pub struct Share {
 
 impl Link {
     /// Between an end at `x_i`, `q_i` and one at `x_j`, `q_j`.
+    #[inline(always)]
     pub fn between(
         x_i: &Vector3<f64>,
         q_i: &UnitQuaternion<f64>,
@@ -114,6 +115,14 @@ impl Strain {
     /// Nothing strained.
     pub fn zero() -> Self {
         Self { force_like: Vector3::zeros(), moment_like: Vector3::zeros() }
+    }
+
+    /// `next - self`
+    pub fn difference(&self, next: &Self) -> Self {
+        Self {
+            force_like: next.force_like - self.force_like,
+            moment_like: next.moment_like - self.moment_like,
+        }
     }
 
     /// `self + (next - self) * share`
@@ -153,6 +162,7 @@ impl Element {
     }
 
     /// Strains at a relative pose.
+    #[inline(always)]
     pub fn strain(&self, link: &Link) -> Strain {
         Strain {
             force_like: link.chord / self.length - arc_chord(&link.turn),
@@ -161,6 +171,7 @@ impl Element {
     }
 
     /// Stress resultants of strains.
+    #[inline(always)]
     pub fn stress(&self, strain: &Strain) -> Strain {
         Strain {
             force_like: self.force_stiffness.component_mul(&strain.force_like),
@@ -176,6 +187,7 @@ impl Element {
     }
 
     /// What a stress asks of the ends.
+    #[inline(always)]
     pub fn gradient(&self, link: &Link, stress: &Strain) -> EndGradient {
         let phi = &link.turn;
         let squared = phi.norm_squared();

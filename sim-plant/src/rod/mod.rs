@@ -21,6 +21,9 @@
 //!   that energy decays at every frequency (Armero and Romero, CMAME 190, 2001);
 //! - solution (`block_tridiagonal`): a Newton iteration whose factorised tangent is kept over many steps
 //!   and renewed when convergence slows;
+//! - magnets (`magnets`): the coils' field, sampled once a step, and the dipole fields of each other;
+//! - walls (`wall`, `contact`): a plane or a tube that the rod touches, by a smooth penalty;
+//! - accounts (`energy`): what is stored, what the field has done, and where it went;
 //! - damping (`modes`): Kelvin-Voigt, its time constant found from the first mode about rest.
 //!
 //! Nothing here knows a coil: magnets are told the field in which they are.
@@ -29,12 +32,19 @@ mod balance;
 mod block_tridiagonal;
 mod centreline;
 mod chain;
+mod contact;
 mod dynamics;
 mod element;
+mod energy;
+mod magnets;
 mod modes;
 mod motion;
 mod rotation;
+mod wall;
 
 pub use chain::{Meshing, Pose};
-pub use dynamics::{Energy, Rod, RodSettings, Solve, Stepping};
+pub use contact::{Contact, Surface, Touch};
+pub use dynamics::{Rod, RodSettings, Solve, Stepping};
+pub use energy::{Energy, EnergyLedger};
 pub use modes::FirstMode;
+pub use wall::{Clearance, Wall};

@@ -12,8 +12,11 @@
 
 use nalgebra::{Vector3, Vector6};
 
+use super::balance::stack;
+use super::chain::Pose;
 use super::dynamics::{Rod, Stepping};
 use super::element::Share;
+use super::energy::EnergyLedger;
 use crate::field::Field;
 
 /// Inverse iterations: the gap to the second pair of modes shrinks errors at least tenfold each.
@@ -46,42 +49,81 @@ impl Rod {
     /// mass, or when the shape is not a stable equilibrium.
     #[must_use]
     pub fn first_mode(&mut self) -> Option<FirstMode> {
+        self.mode_from(&Self::lean)
+    }
+
+    /// The lowest mode in which bodies move along a direction (world), for a rod that is symmetric about a plane along or
+    /// across it; else as [`Self::first_mode`].
+    #[must_use]
+    pub fn first_mode_along(&mut self, direction: &Vector3<f64>) -> Option<FirstMode> {
+        self.mode_from(&|pose| {
+            let shift = pose.rotation.inverse() * direction;
+            stack(&shift, &Vector3::zeros())
+        })
+    }
+
+    fn mode_from(&mut self, start: &dyn Fn(&Pose) -> Vector6<f64>) -> Option<FirstMode> {
         if self.moving_mass() <= 0.0 {
             return None;
         }
-        let masses: Vec<_> = self.chain.bodies.iter().map(super::chain::Body::mass_diagonal).collect();
-        let by_mass = |shape: &[Vector6<f64>]| -> Vec<Vector6<f64>> {
-            shape.iter().zip(&masses).map(|(entry, mass)| entry.component_mul(mass)).collect()
-        };
-        self.fill_static_tangent(Share { material: 1.0, geometric: 1.0 });
-        if !self.tangent.factorise() {
-            return None;
-        }
-        // Leans in every direction, so that no mode is missed.
-        let mut shape = vec![Vector6::new(1.0, 0.7, 0.1, 0.0, 0.0, 0.01); masses.len()];
-        for _ in 0..ITERATIONS {
-            let mut next = by_mass(&shape);
-            self.tangent.solve(&mut next);
-            let scale = 1.0 / dot(&next, &by_mass(&next)).sqrt();
-            shape = next.into_iter().map(|entry| entry * scale).collect();
-        }
-        let squared = dot(&shape, &self.tangent.multiply(&shape));
+        let (squared, shape) = self.lowest_mode(Share { material: 1.0, geometric: 1.0 }, start)?;
         self.fill_static_tangent(Share { material: 1.0, geometric: 0.0 });
         let elastic = dot(&shape, &self.tangent.multiply(&shape));
         (squared > 0.0 && squared.is_finite())
             .then(|| FirstMode { angular_frequency: squared.sqrt(), elastic_share: elastic / squared })
     }
 
+    /// Leans in every direction, so that no mode is missed.
+    fn lean(_: &Pose) -> Vector6<f64> {
+        Vector6::new(1.0, 0.7, 0.1, 0.0, 0.0, 0.01)
+    }
+
+    /// `w1^2` and `y` of a tangent at rest, from a start an entry a body.
+    fn lowest_mode(
+        &mut self,
+        share: Share,
+        start: &dyn Fn(&Pose) -> Vector6<f64>,
+    ) -> Option<(f64, Vec<Vector6<f64>>)> {
+        let masses: Vec<_> = self.chain.bodies.iter().map(super::chain::Body::mass_diagonal).collect();
+        let by_mass = |shape: &[Vector6<f64>]| -> Vec<Vector6<f64>> {
+            shape.iter().zip(&masses).map(|(entry, mass)| entry.component_mul(mass)).collect()
+        };
+        self.fill_static_tangent(share);
+        if !self.tangent.factorise() {
+            return None;
+        }
+        let mut shape: Vec<_> = self.motions.iter().map(|motion| start(&motion.pose)).collect();
+        for _ in 0..ITERATIONS {
+            let mut next = by_mass(&shape);
+            self.tangent.solve(&mut next);
+            let scale = 1.0 / dot(&next, &by_mass(&next)).sqrt();
+            shape = next.into_iter().map(|entry| entry * scale).collect();
+        }
+        Some((dot(&shape, &self.tangent.multiply(&shape)), shape))
+    }
+
     /// Lets the rod come to rest in a field that stays as it is, by strong damping, and returns whether
-    /// it did. Only stable equilibria are found. The stepping is as before afterwards.
+    /// it did. Only stable equilibria are found. The stepping is as before afterwards; the energy ledger starts anew.
     ///
-    /// The first mode is damped critically; faster ones creep with the time constant `2 / w1`.
+    /// The first mode of the elastic stiffness alone, which is stable whatever loads the rod on its way, is damped
+    /// critically; faster ones creep with the time constant `2 / w1`.
     pub fn settle(&mut self, field: impl Fn(&Vector3<f64>) -> Field) -> bool {
         let before = self.stepping();
         self.halt();
-        let Some(mode) = self.first_mode() else { return false };
+        if self.moving_mass() <= 0.0 {
+            return false;
+        }
+        let Some((squared, _)) = self.lowest_mode(Share { material: 1.0, geometric: 0.0 }, &Self::lean)
+        else {
+            return false;
+        };
+        let mode = FirstMode { angular_frequency: squared.sqrt(), elastic_share: 1.0 };
         let frequency = mode.angular_frequency;
+        if !(frequency > 0.0 && frequency.is_finite()) {
+            return false;
+        }
         self.set_stepping(Stepping { step: 0.1 / frequency, retardation: mode.retardation(1.0) });
+        self.set_friction_off(true);
         let mut rests = false;
         for _ in 0..SETTLE_STEPS_MAX {
             let solve = self.step(&field);
@@ -91,7 +133,9 @@ impl Rod {
             }
         }
         self.halt();
+        self.set_friction_off(false);
         self.set_stepping(before);
+        self.ledger = EnergyLedger::default();
         rests
     }
 }

@@ -20,6 +20,8 @@ pub(super) struct Motion {
     /// `d` and `T` of the step before, for the prediction.
     pub(super) shift_before: Vector3<f64>,
     pub(super) turn_before: Vector3<f64>,
+    pub(super) shift_before_that: Vector3<f64>,
+    pub(super) turn_before_that: Vector3<f64>,
     /// Half-way through the step.
     pub(super) half: Pose,
     /// At the end of the step.
@@ -38,6 +40,8 @@ impl Motion {
             turn: zero,
             shift_before: zero,
             turn_before: zero,
+            shift_before_that: zero,
+            turn_before_that: zero,
             half: pose,
             end: pose,
         }
@@ -53,9 +57,11 @@ impl Motion {
     pub(super) fn expect_to_go_on(&mut self, step: f64) {
         (self.shift, self.turn) = (self.velocity * step, self.spin * step);
         (self.shift_before, self.turn_before) = (self.shift, self.turn);
+        (self.shift_before_that, self.turn_before_that) = (self.shift, self.turn);
     }
 
     /// Puts the half-way and the end pose where the unknowns say.
+    #[inline(always)]
     pub(super) fn place(&mut self) {
         let half = exponential(&(self.turn * 0.5));
         self.half =
@@ -64,6 +70,7 @@ impl Motion {
     }
 
     /// Velocity and spin at the end of the step.
+    #[inline(always)]
     pub(super) fn velocities_after(&self, step: f64, share: f64) -> (Vector3<f64>, Vector3<f64>) {
         let after = |increment: &Vector3<f64>, before: &Vector3<f64>| {
             (increment / step - before * (1.0 - share)) / share // (i)

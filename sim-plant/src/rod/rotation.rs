@@ -11,13 +11,15 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 const SERIES_BELOW: f64 = 1e-2;
 
 /// The rotation by the vector `v`.
+#[inline(always)]
 pub fn exponential(v: &Vector3<f64>) -> UnitQuaternion<f64> {
     let squared = 0.25 * v.norm_squared();
     let (cosine, sine_ratio) = if squared < SERIES_BELOW {
-        (
-            1.0 - squared / 2.0 * (1.0 - squared / 12.0 * (1.0 - squared / 30.0 * (1.0 - squared / 56.0))),
-            1.0 - squared / 6.0 * (1.0 - squared / 20.0 * (1.0 - squared / 42.0 * (1.0 - squared / 72.0))),
-        )
+        // cos(x) and sin(x) / x; products with constants, since a chain of divisions takes five times as long.
+        let cosine = squared * (1.0 / 40_320.0) - 1.0 / 720.0;
+        let cosine = 1.0 + squared * (-0.5 + squared * (1.0 / 24.0 + squared * cosine));
+        let sine = squared * (1.0 / 362_880.0) - 1.0 / 5040.0;
+        (cosine, 1.0 + squared * (-1.0 / 6.0 + squared * (1.0 / 120.0 + squared * sine)))
     } else {
         let half = squared.sqrt();
         (half.cos(), half.sin() / half)
@@ -27,6 +29,7 @@ pub fn exponential(v: &Vector3<f64>) -> UnitQuaternion<f64> {
 }
 
 /// The rotation vector of `q`, of angle at most pi.
+#[inline(always)]
 pub fn logarithm(q: &UnitQuaternion<f64>) -> Vector3<f64> {
     let imaginary = q.imag();
     let squared = imaginary.norm_squared();
@@ -47,6 +50,7 @@ pub fn logarithm(q: &UnitQuaternion<f64>) -> Vector3<f64> {
 }
 
 /// The rotation half-way from `left` to `right` along the shorter way.
+#[inline(always)]
 pub fn midpoint(left: &UnitQuaternion<f64>, right: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     let sum = if left.coords.dot(&right.coords) < 0.0 {
         left.coords - right.coords

@@ -29,15 +29,18 @@ const RUNS: u64 = 200;
 /// Seed of a new campaign when it is left out.
 const SEED: u64 = 1;
 
-/// Steer many simulated plants, drawn at random, through one experiment: in lockstep, faster than real time, on all cores.
+/// Steer many simulated plants, drawn at random, through one experiment: in lockstep, faster than real time,
+/// on all cores.
 ///
-/// The table `[campaign]` of the configuration names the experiment and what is drawn. Every run is judged by its plant's true
-/// poses. Rows, summary and pictures go into a folder; killed or interrupted at any moment, a campaign is resumed from there.
-/// The same configuration and seed give the same rows bit for bit, whatever the threads and however often it was resumed.
+/// The table `[campaign]` of the configuration names the experiment and what is drawn. Every run is judged by
+/// its plant's true poses. Rows, summary and pictures go into a folder; killed or interrupted at any moment,
+/// a campaign is resumed from there. The same configuration and seed give the same rows bit for bit, whatever
+/// the threads and however often it was resumed.
 ///
-/// A run is unstable when it did not steer to the end, when the model lost the rod (45 degrees apart at the end of a step),
-/// or when a magnet still turned by more than 5 degrees in the last second of a step. Ends with 0; with 1 when a command broke
-/// a limit or a run was unstable. That a run did not settle is a result: it is told, and the code is 0.
+/// A run is unstable when it did not steer to the end, when the model lost the rod (45 degrees apart at the
+/// end of a step), or when a step did not settle and a magnet still turned by more than 5 degrees in its last
+/// second. Ends with 0; with 1 when a command broke a limit or a run was unstable. That a run did not settle
+/// is a result: it is told, and the code is 0.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  magsteer campaign config/bigmag-planar.toml --runs 200 --seed 1\n  \
     magsteer campaign config/bigmag-planar.toml --resume runs/campaign-20261122-031500\n  \
@@ -64,7 +67,8 @@ pub struct Campaign {
     /// Go on with the campaign in this folder.
     #[arg(long, value_name = "DIR")]
     resume: Option<PathBuf>,
-    /// Play this run alone and write nothing (0 first); compare it with that of the folder, when one is named.
+    /// Play this run alone and write nothing (0 first); compare it with that of the folder, when one is
+    /// named.
     #[arg(long, value_name = "RUN", conflicts_with_all = ["runs", "threads"])]
     only: Option<u64>,
     /// Print one JSON object.
@@ -230,6 +234,9 @@ impl Campaign {
         if let Some(path) = self.earlier() {
             check_same(path, &read_manifest(path)?, identity)?;
             recorded = read_rows(path, columns)?.remove(&run);
+            if recorded.is_none() {
+                output::note(format_args!("{}: has no run {run} to compare with", path.display()));
+            }
         }
         let stop = Arc::new(StopFlag::new());
         let played = watching(&stop, false, || (), || runner.play(run, || stop.requested().is_some()))??;

@@ -1,15 +1,17 @@
-//! The folder of a campaign: what it was started with, and a row a run, so that it can be killed at any moment and resumed.
+//! The folder of a campaign: what it was started with, and a row a run, so that it can be killed at any
+//! moment and resumed.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `config.toml` | the configuration, merged with all that it extends |
 //! | `experiment.toml` | the experiment, likewise |
 //! | `campaign.json` | seed, number of runs, SHA-256 of both texts, version of this program |
-//! | `runs.csv` | a row a run: appended and flushed as runs finish, put in order at the end and when resumed |
+//! | `runs.csv` | a row a run: appended and flushed as runs finish, put in order at the end and at resuming |
 //! | `summary.json` | what `--json` prints |
 //!
-//! Files but `runs.csv` are written beside their place and then renamed. A last line without its end was being written when the campaign was killed, and is
-//! dropped. The folder itself is locked, so that two campaigns never write into one.
+//! Files but `runs.csv` are written beside their place and then renamed. A last line without its end was
+//! being written when the campaign was killed, and is dropped. The folder itself is locked, so that two
+//! campaigns never write into one.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};

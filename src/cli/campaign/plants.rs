@@ -1,6 +1,7 @@
 //! Plants of a campaign: the configured one with drawn values in the place of its own.
 //!
-//! A value is put into the merged TOML before the plant's table is read, so that any number of it can be drawn and every check of its own applies.
+//! A value is put into the merged TOML before the plant's table is read, so that any number of it can be
+//! drawn and every check of its own applies.
 
 use magsteer::config::{CampaignConfig, Document, Number, Problem, Problems, run_seed};
 use magsteer_hal::HardwareDescription;
@@ -64,8 +65,9 @@ impl Plants<'_> {
         settings.build(self.description).map_err(|refused| document.refuse(refused))
     }
 
-    /// What the plant refuses of the ends of the distributions: of each by itself, and of all the least and all the greatest values at once. Empty as well when it
-    /// refuses the configured values already: then the draws are not to blame.
+    /// What the plant refuses of the ends of the distributions: of each by itself, and of all the least and
+    /// all the greatest values at once. Empty as well when it refuses the configured values already: then the
+    /// draws are not to blame.
     pub fn refused_extremes(&self) -> Vec<Problem> {
         let configured = |index: usize| self.document.number(&self.campaign.draw[index].key);
         let count = self.campaign.draw.len();

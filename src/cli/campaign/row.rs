@@ -1,6 +1,7 @@
 //! What one run came to, and how a table of them is written and read back.
 //!
-//! Numbers are written with as many digits as reading them back bit for bit takes; what there is none of is left empty.
+//! Numbers are written with as many digits as reading them back bit for bit takes; what there is none of is
+//! left empty.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +33,7 @@ pub struct RunRow {
     pub rms_deg: Vec<Option<f64>>,
     /// Greatest angle between the model's tangent and the true one at the end of a step.
     pub model_error_deg: f64,
-    /// Farthest that a magnet turned in the last second of a step.
+    /// Farthest that a magnet turned in the last second of a step that did not settle; 0 when all did.
     pub swing_deg: f64,
     /// Largest current that a coil carried.
     pub current_max_a: f64,
@@ -50,7 +51,7 @@ pub struct RunRow {
     pub steps_outside_field_model: u64,
     /// Time simulated.
     pub simulated_s: f64,
-    /// [`super::digest::RunDigest`] of it.
+    /// [`magsteer::daemon::RunDigest`] of it.
     pub digest: String,
 }
 

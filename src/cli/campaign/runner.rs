@@ -1,26 +1,28 @@
-//! One run: a drawn plant, the controller of the configuration, the experiment in lockstep, judged by the plant's truth.
+//! One run: a drawn plant, the controller of the configuration, the experiment in lockstep, judged by the
+//! plant's truth.
 
 use std::ops::ControlFlow;
 
 use anyhow::anyhow;
 use magsteer::config::{Config, Document, Experiment, Problems};
 use magsteer::control::{ControlConfig, Cycle};
-use magsteer::daemon::DaemonConfig;
 use magsteer::daemon::lockstep::{Lockstep, LockstepPlay, PlayEnd, Seen, TimedTarget};
+use magsteer::daemon::{DaemonConfig, RunDigest};
 use magsteer::math::angle_between;
 use magsteer::rod::Manipulator;
 use magsteer_hal::operator::state;
 use magsteer_sim_plant::SimulatedRig;
 use nalgebra::Vector3;
 
-use super::digest::RunDigest;
 use super::plants::{Drawn, Plants};
 use super::row::{Columns, RunRow, values};
 use crate::cli::exit::{Exit, Failure};
 
-/// A magnet whose model points farther than this from it at the end of a step is on another equilibrium than the rod: parameters that are off by 20 % make a few degrees.
+/// A magnet whose model points farther than this from it at the end of a step is on another equilibrium than
+/// the rod: parameters that are off by 20 % make a few degrees.
 const MODEL_LOST: f64 = 45.0_f64.to_radians();
-/// A magnet that turns farther than this in the last second of a step swings on: noise makes tenths of a degree.
+/// A magnet that turns farther than this in the last second of a step that did not settle swings on: noise
+/// makes tenths of a degree.
 const SWINGS_ON: f64 = 5.0_f64.to_radians();
 
 /// Everything that the runs of a campaign share.
@@ -121,7 +123,8 @@ impl<'a> Runner<'a> {
             let squares: f64 = rms_of(magnet).map(|rms| rms * rms).sum();
             (!played.steps.is_empty()).then(|| (squares / played.steps.len() as f64).sqrt())
         };
-        let swing = played.steps.iter().map(|step| step.swing).fold(0.0, f64::max);
+        let unsettled = played.steps.iter().filter(|step| step.response.settled_s.is_none());
+        let swing = unsettled.map(|step| step.swing).fold(0.0, f64::max);
         let model_error = collector.model_error.iter().copied().fold(0.0, f64::max);
         RunRow {
             run,

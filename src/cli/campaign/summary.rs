@@ -1,7 +1,9 @@
 //! What the runs of a campaign say together.
 //!
-//! Intervals are 95 % intervals of what the distributions of the configuration would give in infinitely many runs: Wilson's for shares, of order statistics for quantiles.
-//! They are given for what runs have one of each. The steps of one run share a plant and so are no independent sample: their quantiles stand without intervals.
+//! Intervals are 95 % intervals of what the distributions of the configuration would give in infinitely many
+//! runs: Wilson's for shares, of order statistics for quantiles. They are given for what runs have one of
+//! each. The steps of one run share a plant and so are no independent sample: their quantiles stand without
+//! intervals.
 
 use std::time::Duration;
 
@@ -30,7 +32,7 @@ pub struct Summary {
     pub elapsed_s: f64,
     /// Time simulated in this session over the time that it took.
     pub real_time_factor: f64,
-    /// The same of one core: over the time that its runs took, added up.
+    /// The same of one core that it has to itself: over the processor time of the runs.
     pub real_time_factor_per_core: f64,
     /// Cores used.
     pub threads: usize,
@@ -94,7 +96,7 @@ pub struct Session {
     pub runs: u64,
     /// Time simulated, s.
     pub simulated: f64,
-    /// Time that its runs took, added up.
+    /// Processor time that its runs took.
     pub busy: Duration,
     /// Time from begin to end.
     pub elapsed: Duration,
@@ -174,7 +176,8 @@ impl Summary {
         }
     }
 
-    /// True when there is nothing to be ashamed of: runs, no broken limit, no unstable run. That a run did not settle is a result, not a failure.
+    /// True when there is nothing to be ashamed of: runs, no broken limit, no unstable run. That a run did
+    /// not settle is a result, not a failure.
     pub fn is_sound(&self) -> bool {
         self.runs > 0 && self.limit_breaks == 0 && self.unstable == 0
     }
@@ -224,7 +227,7 @@ impl Summary {
         }
         if self.runs_in_session > 0 {
             text += &format!(
-                "{:<22}{} runs in {:.1} s on {} threads: {:.1} times real time, {:.1} times on one core\n",
+                "{:<22}{} runs in {:.1} s on {} threads: {:.1} times real time, {:.1} times by the processor time of one core\n",
                 "speed",
                 self.runs_in_session,
                 self.elapsed_s,

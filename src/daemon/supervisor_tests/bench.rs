@@ -9,6 +9,7 @@ use magsteer_hal::operator::{Cause, state};
 use crate::daemon::config::{Limits, tests::shipped};
 use crate::daemon::state::{Directive, Request, Verb};
 use crate::daemon::supervisor::{Decision, Supervisor};
+use crate::daemon::trust::Astray;
 use crate::daemon::watch::{DriverView, Observation};
 
 pub(super) const PERIOD: Duration = Duration::from_millis(1);
@@ -29,6 +30,8 @@ pub(super) struct Bench {
     pub(super) next_id: u32,
     /// False freezes the feedback.
     pub(super) driver_alive: bool,
+    /// False freezes the echo of commands alone.
+    pub(super) echo_alive: bool,
     /// False freezes the poses.
     pub(super) sensor_alive: bool,
     /// True: the driver obeys claims.
@@ -45,6 +48,8 @@ impl Bench {
             state: driver_state::IDLE,
             fault: 0,
             epoch: 0,
+            echoed: 0,
+            life: 40,
             current_max: 0.0,
             over_current: false,
         };
@@ -52,7 +57,10 @@ impl Bench {
             now,
             missed: 0,
             pose_stamp: Some(now),
+            pose_life: Some(41),
+            pose_error: 0.0,
             driver: Some(driver),
+            astray: Astray::default(),
             description_mismatch: false,
             model_converged: true,
             field_valid: true,
@@ -66,6 +74,7 @@ impl Bench {
             seen,
             next_id: 1,
             driver_alive: true,
+            echo_alive: true,
             sensor_alive: true,
             driver_obeys: true,
             current: 2.0,
@@ -83,8 +92,9 @@ impl Bench {
             self.seen.pose_stamp = Some(self.now);
         }
         if self.driver_alive {
-            let now = self.now;
+            let (now, echoed) = (self.now, u64::from(self.echo_alive));
             self.driver().stamp = now;
+            self.driver().echoed += echoed;
         }
         let id = self.next_id;
         self.next_id += 1;

@@ -5,6 +5,7 @@ use rand::{RngExt, SeedableRng};
 use super::bench::Bench;
 use crate::daemon::state::{Directive, State, Verb};
 use crate::daemon::supervisor::Decision;
+use crate::daemon::trust::Astray;
 use crate::daemon::watch::{Response, response};
 
 /// Goal: over random events, healthy and faulty, what must never happen does not.
@@ -30,7 +31,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
     let toss = |random: &mut rand_chacha::ChaCha8Rng, chance| random.random_bool(chance);
     // Faults come rarely and go soon, so that the machine also works.
     if toss(random, 0.004) {
-        match random.random_range(0..9) {
+        match random.random_range(0..14) {
             0 => bench.sensor_alive = false,
             1 => bench.driver_alive = false,
             2 => bench.seen.model_converged = false,
@@ -39,6 +40,11 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
             5 => bench.driver().state = random.random_range(0..4),
             6 => bench.driver_obeys = false,
             7 => bench.seen.missed = random.random_range(0..500),
+            8 => bench.seen.pose_error = 1.0,
+            9 => bench.seen.astray.current = 2.0,
+            10 => bench.echo_alive = false,
+            11 => bench.driver().life += 1,
+            12 => bench.seen.pose_life = bench.seen.pose_life.map(|life| life + 1),
             _ => bench.seen.request_finite = false,
         }
     }
@@ -46,6 +52,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
         (bench.sensor_alive, bench.driver_alive, bench.driver_obeys) = (true, true, true);
         (bench.seen.model_converged, bench.seen.request_finite, bench.seen.missed) = (true, true, 0);
         (bench.driver().fault, bench.driver().over_current) = (0, false);
+        (bench.seen.pose_error, bench.seen.astray, bench.echo_alive) = (0.0, Astray::default(), true);
     }
     if !toss(random, 0.1) {
         return None;

@@ -22,6 +22,11 @@ enum Event {
     Overruns,
     RequestNotFinite,
     WritesFail,
+    PosesDisagree,
+    NotFollowing,
+    EchoStops,
+    DriverRestarts,
+    SensorRestarts,
 }
 
 impl Event {
@@ -41,6 +46,11 @@ impl Event {
             Self::Overruns => bench.seen.missed = 10,
             Self::RequestNotFinite => bench.seen.request_finite = false,
             Self::WritesFail => bench.seen.write_failed = true,
+            Self::PosesDisagree => bench.seen.pose_error = 1.0,
+            Self::NotFollowing => bench.seen.astray.current = 2.0,
+            Self::EchoStops => bench.echo_alive = false,
+            Self::DriverRestarts => bench.driver().life += 1,
+            Self::SensorRestarts => bench.seen.pose_life = Some(42),
         }
         bench.cycles(500)
     }
@@ -51,11 +61,12 @@ impl Event {
 #[test]
 fn every_event_in_every_state_leads_where_the_table_says() {
     use Event::{
-        Ask, AuthorityLost, DriverCut, DriverFault, FeedbackStops, FieldInvalid, ModelFails, OverCurrent,
-        Overruns, PosesStop, RequestNotFinite, WritesFail,
+        Ask, AuthorityLost, DriverCut, DriverFault, DriverRestarts, EchoStops, FeedbackStops, FieldInvalid,
+        ModelFails, NotFollowing, OverCurrent, Overruns, PosesDisagree, PosesStop, RequestNotFinite,
+        SensorRestarts, WritesFail,
     };
     let target = [[0.0, 0.0, 1.0]; 8];
-    let table: [(Event, &str, Option<Cause>); 19] = [
+    let table: [(Event, &str, Option<Cause>); 24] = [
         //                              biachsf
         (Ask(Verb::Arm), "baachsf", None),
         (Ask(Verb::Go), "bicccsf", None),
@@ -76,6 +87,11 @@ fn every_event_in_every_state_leads_where_the_table_says() {
         (Overruns, "bifffsf", Some(Cause::Overruns)),
         (RequestNotFinite, "biaffsf", Some(Cause::RequestNotFinite)),
         (WritesFail, "bifffsf", Some(Cause::CommandNotSent)),
+        (PosesDisagree, "biaffsf", Some(Cause::PoseImplausible)),
+        (NotFollowing, "bifffsf", Some(Cause::NotFollowing)),
+        (EchoStops, "bifffsf", Some(Cause::FeedbackStale)),
+        (DriverRestarts, "bifffsf", Some(Cause::AuthorityLost)),
+        (SensorRestarts, "biaffsf", Some(Cause::SensorRestarted)),
     ];
     let letters = ["b", "i", "a", "c", "h", "s", "f"];
     for (event, row, cause) in table {

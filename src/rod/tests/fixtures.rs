@@ -29,6 +29,7 @@ pub fn description(
         workspace: Workspace { center: [0.0; 3], radius: 1.0 },
         gravity,
         frames: Vec::new(),
+        coil_types: Vec::new(),
         coils: Vec::new(),
         manipulator: ManipulatorDescription { base_position: [0.0; 3], base_rotation, parts },
     }

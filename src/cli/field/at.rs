@@ -1,37 +1,26 @@
-//! `magsteer field`: the field of the coil array.
+//! `magsteer field at`: field and gradient of the coil array at a point.
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use magsteer::config::Config;
 use magsteer::magnetics::{AppliedField, CoilArray, FieldSample};
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::actuation::{ActuationArgs, finite};
-use super::exit::Exit;
-use super::{output, shipped};
-
-/// The field of the coil array.
-#[derive(Debug, Args)]
-pub struct Field {
-    #[command(subcommand)]
-    question: Question,
-}
-
-#[derive(Debug, Subcommand)]
-enum Question {
-    At(At),
-}
+use crate::cli::actuation::{ActuationArgs, finite};
+use crate::cli::exit::Exit;
+use crate::cli::{output, shipped};
 
 /// Field and gradient at a point.
 ///
-/// Ends with 0, or with 1 when the point lies outside the range of a coil's field model: then the numbers mean nothing.
+/// Ends with 0, or with 1 when the point lies outside the range of a coil's field model: then the numbers
+/// mean nothing.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  magsteer field at 0.02 0.01 -0.015 --currents 2,-1,0,0,1.5,0 --angles-deg 30,-45 --json"
 )]
-struct At {
+pub struct At {
     /// x of the point, m, world.
     #[arg(value_name = "X_M", allow_hyphen_values = true, value_parser = finite)]
     x: f64,
@@ -63,16 +52,8 @@ struct Answer {
     outside_range_of: Vec<String>,
 }
 
-impl Field {
-    pub fn run(&self) -> anyhow::Result<Exit> {
-        match &self.question {
-            Question::At(at) => at.run(),
-        }
-    }
-}
-
 impl At {
-    fn run(&self) -> anyhow::Result<Exit> {
+    pub fn run(&self) -> anyhow::Result<Exit> {
         let rig = Config::from_document(&shipped::config(self.config.as_deref())?)?.description;
         let actuation = self.actuation.for_rig(&rig)?;
         let point = Vector3::new(self.x, self.y, self.z);

@@ -1,0 +1,221 @@
+//! Fitted coefficients as a TOML file that a configuration can use.
+//!
+//! For one coil: `[coil_types.NAME]` with the two keys that a fit knows. Tables merge key by key, so that the
+//! file may extend a configuration that has the type, be extended by one, or be pasted into one. For an
+//! array: each coil gets a type of its own, with the circuit of the type it had. Expansion points that moved
+//! change `distance_mm`; arrays replace as a whole, so that all coils are written.
+
+use std::fmt::Write;
+use std::path::{Component, Path, PathBuf};
+
+use magsteer::magnetics::fit::{CoilFit, FieldFit, FitRequest, Layout, OrderChoice, Refusal};
+use magsteer_hal::config::{CoilConfig, HardwareConfig};
+
+use super::fit::Subject;
+
+/// How the file fits together with others.
+pub(super) struct Names {
+    /// What it extends.
+    pub extends: Option<String>,
+    /// Type of each coil fitted.
+    pub coil_types: Vec<String>,
+}
+
+/// The whole file.
+///
+/// # Errors
+/// A coil whose expansion point moved through the workspace's centre.
+pub(super) fn text(
+    subject: &Subject,
+    found: &FieldFit,
+    names: &Names,
+    request: &FitRequest,
+) -> Result<String, Refusal> {
+    let mut text = head(subject, found, request);
+    if let Some(extends) = &names.extends {
+        text += &format!("\nextends = {}\n", quoted(extends));
+    }
+    let hardware = subject.config.as_ref().map(|config| &config.hardware);
+    for (index, (coil, name)) in found.coils.iter().zip(&names.coil_types).enumerate() {
+        text += &format!("\n[coil_types.{}]\n{}", key(name), series(coil));
+        match (subject.readings.layout, hardware) {
+            (Layout::Array, Some(hardware)) => text += &circuit(hardware, index),
+            (Layout::OneCoil, None) => {
+                text += "# A coil type also has current_max_a, slew_max_a_per_s, resistance_ohm, inductance_h and supply_v.\n";
+                if coil.origin != 0.0 {
+                    text += &format!(
+                        "# The expansion point moved: add {:.3} to distance_mm of each such coil.\n",
+                        -coil.origin * 1e3
+                    );
+                }
+            }
+            _ => {}
+        }
+    }
+    if let Some(hardware) = hardware {
+        text += &coils(hardware, subject, found, names)?;
+    }
+    Ok(text)
+}
+
+/// Where the numbers come from, as comments.
+fn head(subject: &Subject, found: &FieldFit, request: &FitRequest) -> String {
+    let choice = match request.order {
+        OrderChoice::Auto => "chosen by readings left out",
+        OrderChoice::Exactly(_) => "as asked for",
+    };
+    let holdout = found
+        .orders
+        .iter()
+        .find(|report| report.order == found.order)
+        .and_then(|report| report.holdout_rms_norm);
+    let holdout =
+        holdout.map_or_else(String::new, |norm| format!(", {:.4} mT of readings left out", norm * 1e3));
+    let origin = if request.fit_origin { "fitted along the axes" } else { "as given" };
+    format!(
+        "# Field coefficients, made by `magsteer field fit` from {}\n\
+         # SHA-256 of the data: {}\n\
+         # {} readings, order {} ({choice}), origins {origin}\n\
+         # RMS norm {:.4} mT{holdout}; noise of one component {:.4} mT\n",
+        subject.file.replace(['\n', '\r'], " "),
+        subject.sha256,
+        subject.readings.readings.len(),
+        found.order,
+        found.rms_norm * 1e3,
+        found.noise * 1e3,
+    )
+}
+
+/// The keys that a fit knows.
+fn series(coil: &CoilFit) -> String {
+    let list = |values: &[f64], digits: Option<usize>| {
+        let show =
+            |value: &f64| digits.map_or_else(|| format!("{value:e}"), |digits| format!("{value:.digits$e}"));
+        values.iter().map(show).collect::<Vec<_>>().join(", ")
+    };
+    format!(
+        "coefficients_si = [{}] # T m^(k+2) / A\n# their standard deviations: {}\nvalid_from_x_mm = {:.1}\n",
+        list(&coil.coefficients, None),
+        list(&coil.deviations, Some(1)),
+        coil.range.from_x * 1e3
+    )
+}
+
+/// The circuit of the type that a coil had.
+fn circuit(hardware: &HardwareConfig, coil: usize) -> String {
+    let coil_type = hardware.coils.get(coil).and_then(|coil| hardware.coil_types.get(&coil.coil_type));
+    coil_type.map_or_else(String::new, |coil_type| {
+        format!(
+            "current_max_a = {:?}\nslew_max_a_per_s = {:?}\nresistance_ohm = {:?}\ninductance_h = {:?}\nsupply_v = {:?}\n",
+            coil_type.current_max_a,
+            coil_type.slew_max_a_per_s,
+            coil_type.resistance_ohm,
+            coil_type.inductance_h,
+            coil_type.supply_v
+        )
+    })
+}
+
+/// Every coil, where a type or a distance changed.
+fn coils(
+    hardware: &HardwareConfig,
+    subject: &Subject,
+    found: &FieldFit,
+    names: &Names,
+) -> Result<String, Refusal> {
+    let is_array = subject.readings.layout == Layout::Array;
+    if !is_array && found.coils.iter().all(|coil| coil.origin == 0.0) {
+        return Ok(String::new());
+    }
+    let mut text = String::new();
+    for (index, coil) in hardware.coils.iter().enumerate() {
+        let mut coil = coil.clone();
+        let fitted = if is_array {
+            coil.coil_type.clone_from(&names.coil_types[index]);
+            Some(&found.coils[index])
+        } else {
+            found.coils.first().filter(|_| names.coil_types.contains(&coil.coil_type))
+        };
+        if let Some(fitted) = fitted {
+            // Rounded to a nanometre, so that no digits of rounding are written.
+            coil.distance_mm = ((coil.distance_mm - fitted.origin * 1e3) * 1e6).round() / 1e6;
+        }
+        if coil.distance_mm <= 0.0 {
+            return Err(Refusal {
+                line: 1,
+                column: "rows".to_owned(),
+                value: format!(
+                    "put the expansion point of coil {} at {} mm from the centre",
+                    coil.name, coil.distance_mm
+                ),
+                expected: "in front of the coil: check the positions, or leave out --fit-origin".to_owned(),
+            });
+        }
+        text += &entry(&coil);
+    }
+    Ok(text)
+}
+
+fn entry(coil: &CoilConfig) -> String {
+    let mut text = format!(
+        "\n[[coils]]\nname = {}\ntype = {}\nazimuth_deg = {:?}\nelevation_deg = {:?}\ndistance_mm = {:?}\n",
+        quoted(&coil.name),
+        quoted(&coil.coil_type),
+        coil.azimuth_deg,
+        coil.elevation_deg,
+        coil.distance_mm
+    );
+    if let Some(frame) = &coil.frame {
+        // Writing to a text cannot fail.
+        let _ = writeln!(text, "frame = {}", quoted(frame));
+    }
+    text
+}
+
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+/// A key of a table, quoted where it must be.
+fn key(name: &str) -> String {
+    let is_bare = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
+    if !name.is_empty() && name.chars().all(is_bare) { name.to_owned() } else { quoted(name) }
+}
+
+/// The path of `file` as seen from the folder of `from`.
+pub(super) fn path_from(from: &Path, file: &Path) -> String {
+    let absolute = |path: &Path| {
+        path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_path_buf())
+    };
+    let folder = match from.parent() {
+        Some(parent) if parent != Path::new("") => absolute(parent),
+        _ => absolute(Path::new(".")),
+    };
+    let file = absolute(file);
+    let (left, right): (Vec<Component<'_>>, Vec<Component<'_>>) =
+        (folder.components().collect(), file.components().collect());
+    let common = left.iter().zip(&right).take_while(|(a, b)| a == b).count();
+    let up = std::iter::repeat_n(Component::ParentDir, left.len() - common);
+    let path: PathBuf = up.chain(right[common..].iter().copied()).collect();
+    path.display().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_leads_from_one_folder_to_the_other() {
+        let path = |from: &str, file: &str| path_from(Path::new(from), Path::new(file));
+        assert_eq!(path("/no/where/out.toml", "/no/where/rig.toml"), "rig.toml");
+        assert_eq!(path("/no/where/deep/out.toml", "/no/rig.toml"), "../../rig.toml");
+        assert_eq!(path("/no/out.toml", "/other/rig.toml"), "../other/rig.toml");
+    }
+
+    #[test]
+    fn a_name_that_is_no_bare_key_is_quoted() {
+        assert_eq!(key("iron-top_1"), "iron-top_1");
+        assert_eq!(key("coil 1"), "\"coil 1\"");
+        assert_eq!(key(""), "\"\"");
+    }
+}
