@@ -328,6 +328,22 @@ fn impossible_campaigns_are_refused_before_the_first_run() {
     }
 }
 
+/// Goal: a combination that no end of a distribution shows is refused in the run that draws it, by number and
+/// value; what was done by then is kept.
+#[test]
+fn a_refused_combination_is_told_with_its_run() {
+    let world = World::new();
+    let draws = "[plant]\nstep_us = 250\n\n[campaign]\nexperiment = \"short.toml\"\n\n\
+        [[campaign.draw]]\nkey = \"plant.step_us\"\nchoice = [250, 500]\n\n\
+        [[campaign.draw]]\nkey = \"plant.real_time.wake_us\"\nuniform = { low = 300, high = 1000 }\n";
+    world.write_rig("mixed.toml", draws);
+    let message = world.refused(&["mixed.toml", "--runs", "40", "--threads", "1", "--out", "mixed"], 78);
+    let rows = world.table("mixed").lines().count() - 1;
+    assert!(message.contains(&format!("run {rows}, seed ")), "{message}");
+    assert!(message.contains("plant.real_time.wake_us = ") && message.contains("from 500 to"), "{message}");
+    assert!(message.contains("campaign mixed.toml --resume mixed"), "{message}");
+}
+
 /// Goal: a rig without `[campaign]` is told what to add.
 #[test]
 fn a_rig_without_the_table_is_told_so() {

@@ -37,20 +37,6 @@ fn planar_steps_settle_with_the_tracker() {
     }
 }
 
-/// Goal: the same with the slow camera, within three seconds.
-#[test]
-fn planar_steps_settle_with_the_camera() {
-    for seed in [1, 2, 3] {
-        let mut bench = Bench::new(&Setup::shipped("bigmag-planar-camera.toml").seeded(seed));
-        let steps = bench.play_shipped("planar.toml");
-        report(&format!("camera, seed {seed}"), &steps);
-        assert_eq!(bench.limit_breaks(), 0);
-        for step in &steps {
-            assert!(step.settled_s.is_some_and(|settled| settled < 3.0), "seed {seed}: {step:?}");
-        }
-    }
-}
-
 /// Two moderate steps of the planar kind.
 const MODERATE_DEG: [[f64; 2]; 2] = [[90.0, 90.0], [75.0, 80.0]];
 

@@ -1,28 +1,24 @@
 //! Time of the models and of the control cycle, of one core: `cargo bench --bench model`.
 //!
 //! Prints the distributions of divan first. Then a table of medians beside the times that they have to stay below and the median of the exact pass:
-//! all of it taken turn by turn in one run, so that the ratios hold while the machine's speed does not. Last the error of the mesh
-//! that was timed.
+//! all of it taken turn by turn in one run, so that the ratios hold while the machine's speed does not. Then the exact Jacobian against the
+//! paper's Algorithm 1, and how pass and cycle grow with magnets and coils. Last the error of the mesh that was timed.
 
+mod algorithm;
 mod mesh;
 mod recorded;
 #[path = "../../tests/rig_support/mod.rs"]
 mod rig_support;
+mod scaling;
 mod subjects;
-
-use std::time::{Duration, Instant};
+mod turns;
 
 use divan::Bencher;
 use subjects::Subject;
+use turns::{Timed, timed};
 
 /// Turns of every subject.
 const TURNS: usize = 600;
-/// Length of one turn.
-const TURN: Duration = Duration::from_micros(300);
-
-/// What the paper's authors report of their own programs; another machine and another language, for context alone.
-const PAPER: [&str; 2] =
-    ["the paper's model and serial Jacobian take 158 ms", "the paper's closed loop runs at 2 Hz"];
 
 #[divan::bench(args = Subject::ALL)]
 fn model(bencher: Bencher, subject: Subject) {
@@ -40,35 +36,8 @@ fn main() {
 
 /// Median time of one call of each subject, s.
 fn medians() -> Vec<f64> {
-    let mut calls: Vec<_> = Subject::ALL.iter().map(|subject| subject.prepare()).collect();
-    let batches: Vec<u32> = calls.iter_mut().map(|call| batch(call.as_mut())).collect();
-    let mut times = vec![Vec::with_capacity(TURNS); calls.len()];
-    for _ in 0..TURNS {
-        for ((call, &batch), times) in calls.iter_mut().zip(&batches).zip(&mut times) {
-            times.push(mean(call.as_mut(), batch));
-        }
-    }
-    times.into_iter().map(median).collect()
-}
-
-/// Calls that fill a turn.
-fn batch(call: &mut dyn FnMut()) -> u32 {
-    mean(call, 20);
-    let single = mean(call, 20);
-    ((TURN.as_secs_f64() / single) as u32).max(1)
-}
-
-fn mean(call: &mut dyn FnMut(), calls: u32) -> f64 {
-    let start = Instant::now();
-    for _ in 0..calls {
-        call();
-    }
-    start.elapsed().as_secs_f64() / f64::from(calls)
-}
-
-fn median(mut times: Vec<f64>) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+    let mut calls: Vec<Timed> = Subject::ALL.iter().map(|subject| timed(subject.prepare())).collect();
+    turns::medians(&mut calls, TURNS)
 }
 
 fn table() {
@@ -85,11 +54,11 @@ fn table() {
         let relative = median / of(Subject::Pass);
         println!("{:<74}{:>11.3}{bar:>11}{share:>10}{relative:>10.3}", subject.title(), median * 1e6);
     }
-    println!(
-        "\nExact Jacobian of the tangents in one pass: {:.1} times faster than one re-solve a parameter.",
-        of(Subject::SerialJacobian) / of(Subject::Pass)
-    );
+    println!();
     recorded::report();
-    println!("For context: {}.", PAPER.join("; "));
+    println!("For context: the paper's closed loop runs at 2 Hz.");
+    algorithm::report();
+    scaling::report();
+    println!();
     mesh::report();
 }

@@ -1,6 +1,5 @@
 //! What is timed.
 
-use std::cell::Cell;
 use std::fmt::{self, Display};
 use std::path::Path;
 
@@ -11,16 +10,14 @@ use magsteer::magnetics::{AppliedField, CoilArray, CoilPose, FieldSample, Multip
 use magsteer::rod::{Manipulator, Pass, PassMode, TipLoad, Wrenches};
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::description::{CoilDescription, PartDescription};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::recorded::RECORDING;
 
 const POINT: Vector3<f64> = Vector3::new(0.02, 0.01, -0.015);
 /// Amperes that bend the shipped manipulator by tens of degrees.
-const CURRENTS: [f64; 6] = [0.8, -0.6, 1.0, 0.4, -0.7, 0.5];
-const ANGLES: [f64; 2] = [0.2, -0.3];
-/// Step of the serial Jacobian's differences, A or rad.
-const DIFFERENCE: f64 = 0.01;
+pub const CURRENTS: [f64; 6] = [0.8, -0.6, 1.0, 0.4, -0.7, 0.5];
+pub const ANGLES: [f64; 2] = [0.2, -0.3];
 
 /// One thing to time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,7 +28,6 @@ pub enum Subject {
     Pass,
     PassFrozen,
     PassPoses,
-    SerialJacobian,
     CycleStep,
     PassEightMagnets,
 }
@@ -44,14 +40,13 @@ impl Display for Subject {
 
 impl Subject {
     /// Every subject.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 8] = [
         Self::CoilField,
         Self::ArrayField,
         Self::ArrayPose,
         Self::Pass,
         Self::PassFrozen,
         Self::PassPoses,
-        Self::SerialJacobian,
         Self::CycleStep,
         Self::PassEightMagnets,
     ];
@@ -65,7 +60,6 @@ impl Subject {
             Self::Pass => "pass: statics, Newton step, Jacobian; 2 magnets, 8 parameters",
             Self::PassFrozen => "pass with frozen wrenches",
             Self::PassPoses => "pass with Jacobians of whole poses",
-            Self::SerialJacobian => "serial Jacobian: 8 re-solves under frozen wrenches",
             Self::CycleStep => "control cycle, steering",
             Self::PassEightMagnets => "pass with 8 magnets, 32 coils and 2 frames",
         }
@@ -97,17 +91,25 @@ impl Subject {
             Self::PassPoses => {
                 pass(&rig, manipulator, PassMode { poses: true, wrenches: Wrenches::Following })
             }
-            Self::SerialJacobian => serial_jacobian(&rig, manipulator),
             Self::CycleStep => cycle_step(),
-            Self::PassEightMagnets => pass_eight_magnets(&rig),
+            Self::PassEightMagnets => pass_eight_magnets(),
         }
     }
 }
 
 /// The shipped rig.
 pub fn shipped() -> (Document, Config) {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
-    Config::load(&file).expect("the shipped file is valid")
+    read("bigmag-planar.toml")
+}
+
+/// A shipped rig.
+pub fn load(file: &str) -> Config {
+    read(file).1
+}
+
+fn read(file: &str) -> (Document, Config) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config").join(file);
+    Config::load(&path).expect("the shipped file is valid")
 }
 
 fn coil_field(rig: &HardwareDescription) -> Box<dyn FnMut()> {
@@ -153,69 +155,6 @@ fn pass(rig: &HardwareDescription, manipulator: Manipulator, mode: PassMode) -> 
     })
 }
 
-/// The field that each magnet had, wherever it moves: with it a pass knows the wrenches of the paper's Algorithm 1.
-struct Held {
-    at_magnets: Vec<FieldSample>,
-    next: Cell<usize>,
-}
-
-impl AppliedField for Held {
-    fn parameter_count(&self) -> usize {
-        0
-    }
-
-    /// A pass asks once a magnet, from base to tip.
-    fn evaluate(&self, _: &Vector3<f64>, sample: &mut FieldSample) {
-        let held = &self.at_magnets[self.next.get()];
-        self.next.set((self.next.get() + 1) % self.at_magnets.len());
-        sample.field = held.field;
-        sample.gradient = held.gradient;
-        sample.second_gradient = held.second_gradient;
-        sample.valid = true;
-    }
-}
-
-/// One re-solve a parameter, each from the present equilibrium: differences of the tangents.
-fn serial_jacobian(rig: &HardwareDescription, manipulator: Manipulator) -> Box<dyn FnMut()> {
-    let posed = CoilArray::new(rig).posed(&ANGLES);
-    let field = posed.actuated(&CURRENTS);
-    let mut pass = Pass::new(&manipulator);
-    let found = manipulator.solve_from_rest(&field, &TipLoad::NONE, PassMode::default(), &mut pass);
-    assert!(found.converged(), "{found:?}");
-    let unknowns = pass.unknowns();
-    let tangents: Vec<Vector3<f64>> = pass.magnets().iter().map(|magnet| magnet.tangent()).collect();
-    let present: Vec<FieldSample> = pass
-        .magnets()
-        .iter()
-        .map(|magnet| {
-            let mut sample = FieldSample::default();
-            field.evaluate(&magnet.position(), &mut sample);
-            sample.second_gradient = Default::default();
-            sample
-        })
-        .collect();
-    let parameters = field.parameter_count();
-    let mut held = Held { at_magnets: present.clone(), next: Cell::new(0) };
-    let mut jacobian = vec![Vector3::zeros(); parameters * tangents.len()];
-    Box::new(move || {
-        for parameter in 0..parameters {
-            for (held, sample) in held.at_magnets.iter_mut().zip(&present) {
-                let column = &sample.columns[parameter];
-                held.field = sample.field + column.field * DIFFERENCE;
-                held.gradient = sample.gradient;
-                held.gradient += column.gradient * DIFFERENCE;
-            }
-            let found = manipulator.solve(&held, &TipLoad::NONE, &unknowns, PassMode::default(), &mut pass);
-            assert!(found.converged(), "{found:?}");
-            let rows = jacobian[parameter * tangents.len()..].iter_mut();
-            for (entry, (magnet, tangent)) in rows.zip(pass.magnets().iter().zip(&tangents)) {
-                *entry = (magnet.tangent() - tangent) / DIFFERENCE;
-            }
-        }
-        black_box(&jacobian);
-    })
-}
-
 /// Steps through a recorded closed loop, to its end and back again, so that the actuation never jumps.
 fn cycle_step() -> Box<dyn FnMut()> {
     let inputs = &RECORDING.steering;
@@ -230,18 +169,36 @@ fn cycle_step() -> Box<dyn FnMut()> {
 }
 
 /// Eight short sections with a magnet each, within 32 coils: the greatest rig that the messages hold.
-fn pass_eight_magnets(rig: &HardwareDescription) -> Box<dyn FnMut()> {
-    let mut large = rig.clone();
-    let parts = &rig.manipulator.parts;
-    large.manipulator.parts = parts.iter().cycle().take(16).cloned().collect();
-    for part in &mut large.manipulator.parts {
+fn pass_eight_magnets() -> Box<dyn FnMut()> {
+    let large = enlarged(8, 32);
+    pass(&large.description, large.manipulator.expect("has a model"), PassMode::default())
+}
+
+/// The shipped coils again and again, each time turned about the workspace's z axis by some more, so that no two are alike.
+fn turned(bigmag: &[CoilDescription], index: usize) -> CoilDescription {
+    let mut coil = bigmag[index % bigmag.len()].clone();
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3 * (index / bigmag.len()) as f64);
+    coil.position = (turn * Vector3::from(coil.position)).into();
+    let rotation = turn * Matrix3::from_fn(|row, column| coil.rotation[row][column]);
+    coil.rotation = [0, 1, 2].map(|row| [0, 1, 2].map(|column| rotation[(row, column)]));
+    coil
+}
+
+/// The shipped rig with so many short sections with a magnet each, within so many coils; weightless, since eight magnets would hang
+/// out of the field's range.
+pub fn enlarged(magnets: usize, coils: usize) -> Config {
+    let (document, mut large) = shipped();
+    let parts = large.description.manipulator.parts.clone();
+    large.description.manipulator.parts = parts.into_iter().cycle().take(2 * magnets).collect();
+    for part in &mut large.description.manipulator.parts {
         if let PartDescription::Section(section) = part {
             section.length = 8e-3;
         }
     }
-    large.coils = rig.coils.iter().cycle().take(32).cloned().collect::<Vec<CoilDescription>>();
-    let (document, _) = shipped();
+    large.description.gravity = [0.0; 3];
+    let bigmag = large.description.coils.clone();
+    large.description.coils = (0..coils).map(|index| turned(&bigmag, index)).collect();
     let rod: magsteer::rod::RodConfig = document.section("rod").expect("shipped");
-    let manipulator = rod.build(&large).expect("a valid rod");
-    pass(&large, manipulator, PassMode::default())
+    large.manipulator = Some(rod.build(&large.description).expect("a valid rod"));
+    large
 }

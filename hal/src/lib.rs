@@ -2,7 +2,8 @@
 //!
 //! A driver author reads and links this crate alone: the messages that cross shared memory, the
 //! [`Hardware`] trait that the control loop talks to, the description of the rig that both sides
-//! hold, the command gate, and the rules by which a driver guards itself.
+//! hold, the command gate, the rules by which a driver guards itself, and the reconstruction of the
+//! rod's shape for trackers that see its surface or feel its curvature.
 //!
 //! Conventions: SI units, radians and the world frame inside; where a value crosses a border
 //! (message field, TOML key) its unit is the last word of its name. Quaternions are x, y, z, w.
@@ -24,6 +25,7 @@ pub mod receive;
 pub mod scripted;
 mod seeded;
 pub mod send;
+pub mod shape;
 pub mod time;
 
 pub use description::HardwareDescription;

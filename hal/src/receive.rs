@@ -20,8 +20,8 @@ pub const FUTURE_TOLERANCE: Duration = Duration::from_millis(1);
 /// How far a quaternion's norm may lie off 1; within it is normalised at receipt.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 1e-3;
 
-/// A magnet is believed up to so many radii of the workspace from its centre. What left the workspace by less is for
-/// the field model's range to judge; what lies further off is a sensor's mistake.
+/// A magnet is believed up to so many radii of the workspace from its centre. What left the workspace by less
+/// is for the field model's range to judge; what lies further off is a sensor's mistake.
 pub const POSITION_RADII_MAX: f64 = 2.0;
 
 /// A message that begins with the common header.

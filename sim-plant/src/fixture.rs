@@ -102,14 +102,22 @@ pub fn plant_tables() -> Value {
             "coil_axis_deg": 0.0, "coil_position_mm": 0.0
         },
         "sensors": {
-            "tracker": {
+            "tracker": {"poses": {
                 "rate_hz": 200.0, "latency_ms": 5.0, "orientation_noise_deg": 0.2,
                 "position_noise_mm": 0.1, "dropout_probability": 0.0
-            },
-            "camera": {
-                "rate_hz": 30.0, "latency_ms": 60.0, "orientation_noise_deg": 0.5,
-                "position_noise_mm": 0.3, "dropout_probability": 0.0
-            }
+            }},
+            "camera": {"point_cloud": {
+                "rate_hz": 30.0, "latency_ms": 60.0, "dropout_probability": 0.0,
+                "viewers_mm": [[-50.0, -300.0, 100.0], [50.0, -300.0, 100.0]], "points": 2000,
+                "noise_across_mm": 0.3, "noise_depth_mm": 0.3,
+                "outlier_share": 0.1, "outlier_margin_mm": 10.0,
+                "occlusion": {"random": {"share": 0.2}}, "centreline": {"curvature": {"degree": 2}},
+                "tangent_deviation_max_deg": 1.25
+            }},
+            "fibre": {"curvature": {
+                "rate_hz": 1000.0, "latency_ms": 2.0, "dropout_probability": 0.0, "stations": 100,
+                "noise_per_m": 0.5, "offset_per_m": 0.3, "measures_twist": true
+            }}
         },
         "real_time": {"wake_us": 1000, "catch_up_max_ms": 50, "truth_period_ms": 5}
     })

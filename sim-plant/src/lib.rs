@@ -15,6 +15,7 @@
 pub mod actuation;
 pub mod config;
 pub mod errors;
+mod faults;
 pub mod field;
 #[cfg(test)]
 mod fixture;

@@ -21,7 +21,7 @@ use crate::errors::ErrorMagnitudes;
 use crate::field::{CoilArray, CoilTruth};
 use crate::ramp::{Ramp, RampWatch};
 use crate::rod::{Pose, Rod, RodSettings, Stepping};
-use crate::sensing::{PoseSensor, SensorCharacter, message_of};
+use crate::sensing::{PoseSensor, SensorError, SensorSettings, message_of};
 
 /// Everything that a plant is built from, validated.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,11 +39,11 @@ pub struct Settings {
     /// How far the true parameters are off.
     pub errors: ErrorMagnitudes,
     /// The sensor that is mounted.
-    pub sensor: SensorCharacter,
+    pub sensor: SensorSettings,
 }
 
 /// Why a plant could not be built.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PlantError {
     /// Nothing that moves has mass.
     #[error("the manipulator has no mass")]
@@ -51,6 +51,9 @@ pub enum PlantError {
     /// The rod did not come to rest under its own weight.
     #[error("the manipulator does not come to rest under its own weight")]
     NoRest,
+    /// The sensor cannot be mounted on this manipulator.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
 }
 
 /// What happened since the plant was built.
@@ -90,9 +93,11 @@ impl Plant {
     /// A plant at rest under gravity, without current, its clock at zero.
     ///
     /// # Errors
-    /// When the manipulator has no mass, or finds no rest.
+    /// When the manipulator has no mass, finds no rest, or cannot carry the sensor.
     pub fn new(description: &HardwareDescription, settings: &Settings) -> Result<Self, PlantError> {
         let step = settings.step.as_secs_f64();
+        let sensor =
+            PoseSensor::new(&settings.sensor, &description.manipulator, settings.seed, Stamp::default())?;
         let parameters = settings.errors.apply(description, settings.seed);
         let actuators = Actuators::new(description, &settings.actuation, step, settings.seed);
         let actual = actuators.actual();
@@ -118,7 +123,7 @@ impl Plant {
             actuators,
             array,
             rod,
-            sensor: PoseSensor::new(settings.sensor, settings.seed, Stamp::default()),
+            sensor,
             ramp: RampWatch::default(),
             counts: Counts::default(),
         })
@@ -174,9 +179,7 @@ impl Plant {
         self.count(solve.converged, found);
         self.ramp.step(self.is_driven(), &self.actuators.actual().current_a, self.now);
         if self.sensor.wants_exposure(self.now) {
-            let rod = &self.rod;
-            let poses = (0..rod.magnet_count()).map(|index| rod.magnet_pose(index));
-            self.sensor.expose(poses, self.now);
+            self.sensor.expose(&self.rod, self.now);
         }
     }
 
@@ -219,6 +222,12 @@ impl Plant {
     #[must_use]
     pub fn tip(&self) -> Pose {
         self.rod.tip_pose()
+    }
+
+    /// The true rod.
+    #[must_use]
+    pub fn rod(&self) -> &Rod {
+        &self.rod
     }
 
     /// True currents and angles.

@@ -14,6 +14,7 @@ use std::time::Duration;
 
 use magsteer_hal::Stamp;
 use magsteer_hal::channels::DriverEnd;
+use magsteer_hal::fault::{FaultCounts, FaultEvent, Injector};
 use magsteer_hal::guard::VALIDITY_MAX;
 
 use crate::config::RealTimeConfig;
@@ -46,6 +47,8 @@ pub struct Summary {
     pub last_ramp: Option<Ramp>,
     /// True when the coils were at zero at the end.
     pub ended_currentless: bool,
+    /// What faults by script did; `None` where they were not allowed.
+    pub faults: Option<FaultCounts>,
 }
 
 /// The plant, its channels and what keeps them in time.
@@ -61,8 +64,15 @@ struct Loop<'a> {
     messages_unsent: u64,
 }
 
-/// Runs the plant in real time until `stop` is set and the coils are at zero.
-pub fn run(plant: &mut Plant, config: &RealTimeConfig, end: &mut DriverEnd, stop: &AtomicBool) -> Summary {
+/// Runs the plant in real time until `stop` is set and the coils are at zero. Begins and ends of faults are
+/// handed to `tell`, which must not wait.
+pub fn run(
+    plant: &mut Plant,
+    config: &RealTimeConfig,
+    end: &mut DriverEnd,
+    stop: &AtomicBool,
+    tell: impl Fn(FaultEvent),
+) -> Summary {
     let wake = Duration::from_micros(config.wake_us);
     let mut deadline = Stamp::now();
     plant.set_clock(deadline);
@@ -87,6 +97,9 @@ pub fn run(plant: &mut Plant, config: &RealTimeConfig, end: &mut DriverEnd, stop
             stopped = Some(now);
         }
         running.wake(now, stopped.is_none());
+        while let Some(event) = running.end.take_fault_event() {
+            tell(event);
+        }
         if stopped.is_some_and(|since| running.has_ended(now.since(since))) {
             return running.summary();
         }
@@ -108,9 +121,14 @@ impl Loop<'_> {
             // The guard counts what it refuses and says so in the feedback.
             let _ = self.plant.offer(&command, now);
         }
+        while let Some(change) = self.end.next_condition(now) {
+            self.plant.take_on(&change);
+        }
         self.leave_out(now);
-        while self.plant.now().after(self.plant.step_duration()) <= now {
-            self.plant.advance();
+        let step = self.plant.step_duration();
+        while self.plant.now().after(step) <= now {
+            let end = &mut *self.end;
+            self.plant.advance_through(|setpoint, now| end.setpoint(setpoint, now, step.as_secs_f64()));
             while let Some(message) = self.plant.take_pose() {
                 let sent = self.end.publish_pose(message, Stamp::now());
                 self.messages_unsent += u64::from(sent.is_err());
@@ -156,6 +174,7 @@ impl Loop<'_> {
             messages_unsent: self.messages_unsent,
             last_ramp: self.plant.last_ramp(),
             ended_currentless: self.plant.is_currentless(),
+            faults: self.end.faults().map(Injector::counts),
         }
     }
 }

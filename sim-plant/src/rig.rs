@@ -62,6 +62,9 @@ impl SimulatedRig {
             return;
         }
         let step = self.plant.step_duration();
+        while let Some(change) = self.loopback.next_condition(self.plant.now()) {
+            self.plant.take_on(&change);
+        }
         while self.plant.now().after(step) <= now {
             let loopback = &mut self.loopback;
             self.plant.advance_through(|setpoint, now| loopback.setpoint(setpoint, now, step.as_secs_f64()));

@@ -138,8 +138,8 @@ fn runs_of_one_seed_are_equal_bit_for_bit_and_of_another_are_not() {
 #[test]
 fn sensed_poses_are_the_truth_of_their_exposure_late_and_with_noise() {
     let noiseless = [
-        ("/sensors/tracker/orientation_noise_deg", json!(0.0)),
-        ("/sensors/tracker/position_noise_mm", json!(0.0)),
+        ("/sensors/tracker/poses/orientation_noise_deg", json!(0.0)),
+        ("/sensors/tracker/poses/position_noise_mm", json!(0.0)),
     ];
     let mut session = Session::claimed(plant_with(&noiseless), &fixture::bigmag());
     let mut truths = std::collections::BTreeMap::new();
@@ -204,12 +204,25 @@ fn values_out_of_range_are_refused_by_their_keys() {
         ("/errors/coil_gain_relative", json!(1.0)),
         ("/errors/coil_axis_deg", json!(-0.5)),
         ("/errors/coil_position_mm", json!(50.0)),
-        ("/sensors/tracker/rate_hz", json!(0.0)),
-        ("/sensors/tracker/rate_hz", json!(4000.0)),
-        ("/sensors/camera/latency_ms", json!(-1.0)),
-        ("/sensors/camera/orientation_noise_deg", json!(90.0)),
-        ("/sensors/camera/position_noise_mm", json!(-0.1)),
-        ("/sensors/camera/dropout_probability", json!(1.5)),
+        ("/sensors/tracker/poses/rate_hz", json!(0.0)),
+        ("/sensors/tracker/poses/rate_hz", json!(4000.0)),
+        ("/sensors/tracker/poses/orientation_noise_deg", json!(90.0)),
+        ("/sensors/tracker/poses/position_noise_mm", json!(-0.1)),
+        ("/sensors/camera/point_cloud/latency_ms", json!(-1.0)),
+        ("/sensors/camera/point_cloud/dropout_probability", json!(1.5)),
+        ("/sensors/camera/point_cloud/viewers_mm", json!([[0.0, -300.0, 100.0]])),
+        ("/sensors/camera/point_cloud/points", json!(5000)),
+        ("/sensors/camera/point_cloud/noise_across_mm", json!(0.0)),
+        ("/sensors/camera/point_cloud/noise_depth_mm", json!(11.0)),
+        ("/sensors/camera/point_cloud/outlier_share", json!(0.6)),
+        ("/sensors/camera/point_cloud/outlier_margin_mm", json!(-1.0)),
+        ("/sensors/camera/point_cloud/occlusion/random/share", json!(0.95)),
+        ("/sensors/camera/point_cloud/centreline/curvature/degree", json!(7)),
+        ("/sensors/camera/point_cloud/tangent_deviation_max_deg", json!(0.0)),
+        ("/sensors/fibre/curvature/rate_hz", json!(2001.0)),
+        ("/sensors/fibre/curvature/stations", json!(0)),
+        ("/sensors/fibre/curvature/noise_per_m", json!(-0.1)),
+        ("/sensors/fibre/curvature/offset_per_m", json!(101.0)),
         ("/real_time/wake_us", json!(100)),
         ("/real_time/catch_up_max_ms", json!(0)),
         ("/real_time/truth_period_ms", json!(0)),
@@ -220,6 +233,17 @@ fn values_out_of_range_are_refused_by_their_keys() {
         assert!(keys.contains(&expected), "{pointer} = {value}: refused {keys:?}");
     }
     assert!(refused("/seed", json!(7)).is_empty());
+}
+
+#[test]
+fn a_sensor_that_cannot_reconstruct_the_manipulator_is_refused() {
+    let mut tables = fixture::plant_tables();
+    // One station in the middle of the rod leaves the second section unmeasured.
+    tables["sensors"]["fibre"]["curvature"]["stations"] = json!(1);
+    let config: PlantConfig = serde_json::from_value(tables).expect("a configuration");
+    let invalid = config.build(&fixture::bigmag()).expect_err("unmeasured");
+    assert_eq!(invalid[0].key, "plant.sensors.fibre");
+    assert!(invalid[0].value.contains("part 0 is flexible and has no station"), "{}", invalid[0]);
 }
 
 #[test]

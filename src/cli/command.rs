@@ -9,6 +9,7 @@ use super::check::Check;
 #[cfg(feature = "sim")]
 use super::demo::Demo;
 use super::exit::Exit;
+use super::fault::Fault;
 use super::field::Field;
 use super::operator::RequestArgs;
 use super::output;
@@ -58,6 +59,7 @@ pub enum Command {
     Reset(RequestArgs),
     /// Cut the amplifiers at once; a hardware stop stays primary.
     Estop(RequestArgs),
+    Fault(Fault),
     Check(Check),
     Field(Field),
     Shape(Shape),
@@ -81,6 +83,7 @@ impl Command {
             Self::Stop(request) => request.run(verb::STOP),
             Self::Reset(request) => request.run(verb::RESET),
             Self::Estop(request) => request.run(verb::ESTOP),
+            Self::Fault(command) => command.run(),
             Self::Check(command) => command.run(),
             Self::Field(command) => command.run(),
             Self::Shape(command) => command.run(),

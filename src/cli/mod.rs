@@ -12,6 +12,7 @@ mod command;
 mod demo;
 mod ending;
 mod exit;
+mod fault;
 mod field;
 #[cfg(all(feature = "figures", feature = "sim"))]
 mod figures;
@@ -27,6 +28,8 @@ mod run_pictures;
 mod shape;
 mod shape_answer;
 mod shipped;
+#[cfg(feature = "sim")]
+mod sim_faults;
 #[cfg(feature = "sim")]
 mod sim_plant;
 mod status;

@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 use magsteer::config::{Config, Problems};
 use magsteer::daemon::StopFlag;
-use magsteer_hal::channels::DriverEnd;
 use magsteer_sim_plant::actuation::{Fault, fault_code};
 use magsteer_sim_plant::{PlantConfig, process};
 use serde::{Deserialize, Serialize};
@@ -16,6 +15,7 @@ use super::ending::{exit_of, watching};
 use super::exit::Exit;
 use super::output;
 use super::rig_file::{RootArgs, channel_failure};
+use super::sim_faults::{FaultArgs, FaultReport, join, telling};
 
 /// Kelvin of zero degrees Celsius.
 const CELSIUS_ZERO: f64 = 273.15;
@@ -26,7 +26,8 @@ const CELSIUS_ZERO: f64 = 273.15;
 /// SIGTERM and SIGHUP end it, currents at zero, with 130 or 143.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Example:\n  magsteer sim-plant config/bigmag-planar.toml &\n  magsteer run config/bigmag-planar.toml"
+    after_help = "Example:\n  magsteer sim-plant config/bigmag-planar.toml &\n  magsteer run config/bigmag-planar.toml\n\n  \
+    magsteer sim-plant config/bigmag-planar.toml --allow-faults --fault-plan config/faults/tour.toml"
 )]
 pub struct SimPlant {
     /// Configuration file (TOML) with a `[plant]` table.
@@ -35,6 +36,8 @@ pub struct SimPlant {
     /// Seed in place of the configured one.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    #[command(flatten)]
+    faults: FaultArgs,
     #[command(flatten)]
     root: RootArgs,
     /// Also end when standard input closes, for a plant that must not outlive who started it.
@@ -74,6 +77,9 @@ pub struct PlantReport {
     pub ramp_down_ms: Option<f64>,
     /// The same, from the last command that was obeyed.
     pub ramp_down_from_last_command_ms: Option<f64>,
+    /// What faults did; absent when they were not allowed.
+    #[serde(default)]
+    pub faults: Option<FaultReport>,
     /// True when every coil was at zero at the end.
     pub ended_currentless: bool,
 }
@@ -92,19 +98,20 @@ impl SimPlant {
                 return Err(Problems::refuse(document.refuse(refused), ()).expect_err("refused").into());
             }
         };
+        let injector = self.faults.injector(&config.description, settings.seed)?;
         let endpoint = self.root.endpoint(&config.description.rig)?;
         let stop = Arc::new(StopFlag::new());
         let ended = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&ended);
         let ask = move || flag.store(true, Ordering::Relaxed);
         let summary = watching(&stop, self.end_with_stdin, ask, || {
-            let mut end = DriverEnd::create(&endpoint).map_err(channel_failure)?;
+            let mut end = join(&endpoint, injector).map_err(channel_failure)?;
             output::note(format_args!(
                 "simulated rig {} is running, sensor {}",
                 endpoint.rig(),
                 settings.sensor
             ));
-            anyhow::Ok(process::run(&mut plant, &settings.real_time, &mut end, &ended))
+            anyhow::Ok(telling(|tell| process::run(&mut plant, &settings.real_time, &mut end, &ended, tell)))
         })??;
         let report = PlantReport::of(&summary);
         if self.json {
@@ -140,6 +147,7 @@ impl PlantReport {
             ramp_down_from_last_command_ms: summary
                 .last_ramp
                 .map(|ramp| milliseconds(ramp.from_last_command)),
+            faults: summary.faults.as_ref().map(FaultReport::of),
             ended_currentless: summary.ended_currentless,
         }
     }
@@ -151,6 +159,7 @@ impl PlantReport {
             ),
             _ => String::new(),
         };
+        let faults = self.faults.as_ref().map_or(String::new(), FaultReport::text);
         let heat = self
             .coil_temperature_max_celsius
             .map_or(String::new(), |celsius| format!(", warmest coil {celsius:.1} degrees Celsius"));
@@ -162,7 +171,7 @@ impl PlantReport {
         });
         format!(
             "{} steps, {} unsolved, {:.3} s left out, late by at most {:.0} us\n\
-             largest current {:.2} A{heat}, {} commands beyond a limit, {} refused\n{fault}{ramp}{}\n",
+             largest current {:.2} A{heat}, {} commands beyond a limit, {} refused\n{fault}{ramp}{faults}{}\n",
             self.steps,
             self.steps_unsolved,
             self.left_out_s,

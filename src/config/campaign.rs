@@ -9,7 +9,7 @@
 //! uniform = { low = -0.15, high = 0.15 }
 //!
 //! [[campaign.draw]]
-//! key = "plant.sensors.tracker.latency_ms"
+//! key = "plant.sensors.tracker.poses.latency_ms"
 //! normal = { mean = 5.0, deviation = 1.5, low = 1.0, high = 12.0 }  # truncated to low..high
 //!
 //! [[campaign.draw]]

@@ -3,6 +3,7 @@
 use magsteer_hal::invalid::{Checks, Invalid};
 use serde::{Deserialize, Serialize};
 
+use super::algorithm_1::{Algorithm1Config, JacobianKind};
 use super::allocation::AllocationKind;
 use super::error::OrientationErrorKind;
 
@@ -12,6 +13,10 @@ use super::error::OrientationErrorKind;
 pub struct ControlConfig {
     /// `"tangent-plane"`, or `"axis-angle"` for the paper's eq. (17).
     pub orientation_error: OrientationErrorKind,
+    /// `"exact"`, or `"algorithm-1"` for the paper's Jacobian by boundary-value problems with frozen wrenches.
+    pub jacobian: JacobianKind,
+    /// How Algorithm 1 works; needed when it is chosen.
+    pub algorithm_1: Option<Algorithm1Config>,
     /// Proportional gain, 1/s, > 0.
     pub proportional_per_s: f64,
     /// Integral gain, 1/s^2, >= 0.
@@ -66,6 +71,11 @@ impl ControlConfig {
         checks.within("control.stability_margin", self.stability_margin, 0.0, 10.0);
         checks.within("control.stability_rate_per_s", self.stability_rate_per_s, 0.0, 1e3);
         checks.within("control.passes_max", f64::from(self.passes_max), 1.0, 20.0);
+        let told = self.algorithm_1.is_some() || self.jacobian == JacobianKind::Exact;
+        checks.require(told, "control.algorithm_1", "nothing", "given, since `jacobian` is \"algorithm-1\"");
+        if let Some(algorithm_1) = &self.algorithm_1 {
+            algorithm_1.check(&mut checks);
+        }
         checks.into_result(()).err().unwrap_or_default()
     }
 }

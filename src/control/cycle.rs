@@ -8,9 +8,13 @@
 //!
 //! What is absent: a clock, a channel, an allocation after construction, a lock, a log, a panic.
 
-use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX, PoseMessage};
-use nalgebra::{Matrix3, Vector3};
+use std::sync::Arc;
 
+use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX, MagnetPose, PoseMessage};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use rayon::{ThreadPool, ThreadPoolBuildError};
+
+use super::algorithm_1::{Algorithm1, HeldPose, JacobianKind, PoseSource, Present};
 use super::allocation::{Allocation, Wish};
 use super::config::ControlConfig;
 use super::error::OrientationError;
@@ -46,14 +50,14 @@ pub struct CycleInput {
 /// How the model fared in a cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ModelReport {
-    /// True when the residual met its tolerance at the measured actuation.
+    /// True when the residual met its tolerance at the measured actuation, and the Jacobian in use is no older than it may be.
     pub converged: bool,
     /// Scaled residual of the boundary-value problem, at an actuation on the way while a jump is caught up; not a number where
     /// there is none.
     pub residual: f64,
     /// Shooting passes spent.
     pub passes: u32,
-    /// Cycles since the Jacobian in use was computed; 0 when it is this cycle's.
+    /// Cycles since the equilibrium to which the Jacobian in use belongs; 0 when it is this cycle's.
     pub jacobian_age: u32,
     /// Margin of stability of the last good equilibrium: 1 for the rod at rest, 0 where it snaps through.
     pub margin: f64,
@@ -106,6 +110,18 @@ impl CycleOutcome {
 
 /// Why a cycle asks to be stopped is judged by the supervisor from the outcome; a step itself cannot fail.
 pub trait Step {
+    /// Starts the threads that share this controller's work, each with a stack of `stack_bytes`; `None` when it works alone.
+    /// Called once, in the loop's thread, before the first step; the loop then runs inside of the pool.
+    ///
+    /// # Errors
+    /// When the system refuses a thread.
+    fn start_workers(
+        &mut self,
+        _stack_bytes: usize,
+    ) -> Result<Option<Arc<ThreadPool>>, ThreadPoolBuildError> {
+        Ok(None)
+    }
+
     /// Runs one cycle. Never panics, allocates nothing.
     fn step(&mut self, input: &CycleInput) -> CycleOutcome;
 }
@@ -114,6 +130,10 @@ pub trait Step {
 #[derive(Debug)]
 pub struct Cycle {
     model: Model,
+    /// In place of the model's exact Jacobian.
+    algorithm_1: Option<Algorithm1>,
+    /// Poses at which Algorithm 1 freezes the wrenches.
+    held_at: PoseSource,
     error: OrientationError,
     reference: Reference,
     law: ProportionalIntegral,
@@ -146,7 +166,10 @@ impl Cycle {
         let rows = 2 * magnets;
         let [first, second, third] = description.manipulator.base_rotation;
         let base = Matrix3::from_rows(&[first.into(), second.into(), third.into()]);
+        let chosen = config.algorithm_1.as_ref().filter(|_| config.jacobian == JacobianKind::Algorithm1);
         Self {
+            algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator.clone())),
+            held_at: chosen.map_or(PoseSource::Modelled, |chosen| chosen.magnet_poses),
             model: Model::new(description, manipulator, config.passes_max),
             error: OrientationError::new(config.orientation_error, &base),
             reference: Reference::new(magnets, config.reference_time_constant_ms * 1e-3),
@@ -170,6 +193,33 @@ impl Cycle {
     #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// This cycle's share of Algorithm 1, where it is chosen.
+    fn share_jacobian(&mut self, input: &CycleInput, report: &mut ModelReport) {
+        let present = if report.converged { self.present(input) } else { None };
+        let Some(algorithm_1) = &mut self.algorithm_1 else { return };
+        algorithm_1.advance(present.as_ref());
+        report.jacobian_age = algorithm_1.age().unwrap_or(u32::MAX);
+        report.converged &= algorithm_1.is_fresh();
+    }
+
+    /// The shape at which Algorithm 1 may begin; `None` without it, or while a pose that it wants is missing.
+    fn present(&self, input: &CycleInput) -> Option<Present> {
+        self.algorithm_1.as_ref()?;
+        let mut present = self.model.present();
+        if self.held_at == PoseSource::Measured {
+            let magnets = &input.pose.as_ref()?.magnets;
+            for (pose, magnet) in present.poses.iter_mut().zip(magnets).take(self.magnets) {
+                *pose = seen(magnet)?;
+            }
+        }
+        Some(present)
+    }
+
+    fn has_jacobian(&self) -> bool {
+        let differenced = self.algorithm_1.as_ref().is_none_or(|algorithm_1| algorithm_1.age().is_some());
+        differenced && self.model.has_jacobian()
     }
 
     /// Takes the tangents of the magnets that the sensor saw; the others keep their last.
@@ -196,16 +246,15 @@ impl Cycle {
             let error = self.error.rows(&measured, &Vector3::from(past[magnet]));
             let desired = Vector3::from(present[magnet]);
             let forward = self.error.map(&desired, &desired) * self.reference.velocity(magnet);
-            let map = self.error.map(&self.model.tangent(magnet), &desired);
-            let tangent_rows = self.model.tangent_jacobian(magnet);
             for row in 0..2 {
                 let index = 2 * magnet + row;
                 self.rows.error[index] = error[row];
                 self.rows.velocity[index] = forward[row];
-                let target = &mut self.rows.jacobian[index * parameters..(index + 1) * parameters];
-                for (column, entry) in target.iter_mut().enumerate() {
-                    *entry = (0..3).map(|axis| map[(row, axis)] * tangent_rows[axis][column]).sum();
-                }
+            }
+            let target = &mut self.rows.jacobian[2 * magnet * parameters..2 * (magnet + 1) * parameters];
+            match &self.algorithm_1 {
+                None => exact_rows(&self.model, &self.error, magnet, &desired, target),
+                Some(algorithm_1) => differenced_rows(algorithm_1, &self.error, magnet, &desired, target),
             }
         }
         self.law.add_velocity(&self.rows.error, &mut self.rows.velocity);
@@ -260,12 +309,61 @@ impl Cycle {
     }
 }
 
+/// Rows of the exact orientation Jacobian of one magnet.
+fn exact_rows(
+    model: &Model,
+    error: &OrientationError,
+    magnet: usize,
+    desired: &Vector3<f64>,
+    rows: &mut [f64],
+) {
+    let map = error.map(&model.tangent(magnet), desired);
+    let tangent_rows = model.tangent_jacobian(magnet);
+    for (row, entries) in rows.chunks_exact_mut(tangent_rows[0].len().max(1)).enumerate() {
+        for (column, entry) in entries.iter_mut().enumerate() {
+            *entry = (0..3).map(|axis| map[(row, axis)] * tangent_rows[axis][column]).sum();
+        }
+    }
+}
+
+/// Rows of Algorithm 1's orientation Jacobian of one magnet.
+fn differenced_rows(
+    algorithm_1: &Algorithm1,
+    error: &OrientationError,
+    magnet: usize,
+    desired: &Vector3<f64>,
+    rows: &mut [f64],
+) {
+    let parameters = algorithm_1.parameter_count();
+    let present = algorithm_1.tangent(magnet);
+    for parameter in 0..parameters {
+        let stepped = algorithm_1.stepped_tangent(magnet, parameter);
+        let change = error.change(&present, &stepped, desired) / algorithm_1.step(parameter); // (15)
+        for (row, entry) in rows.iter_mut().skip(parameter).step_by(parameters).enumerate() {
+            *entry = change[row]; // (16)
+        }
+    }
+}
+
+/// A pose as the sensor saw it.
+fn seen(magnet: &MagnetPose) -> Option<HeldPose> {
+    let [x, y, z, w] = magnet.orientation_xyzw;
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix();
+    (magnet.valid == 1)
+        .then(|| HeldPose { position: magnet.position_m.into(), rotation: rotation.into_inner() })
+}
+
 impl Step for Cycle {
+    fn start_workers(&mut self, stack_bytes: usize) -> Result<Option<Arc<ThreadPool>>, ThreadPoolBuildError> {
+        self.algorithm_1.as_mut().map_or(Ok(None), |algorithm_1| algorithm_1.start_workers(stack_bytes))
+    }
+
     fn step(&mut self, input: &CycleInput) -> CycleOutcome {
         if let Some(pose) = input.pose.filter(|_| input.pose_is_fresh) {
             self.measure(&pose);
         }
-        let report = self.model.follow(&input.measured);
+        let mut report = self.model.follow(&input.measured);
+        self.share_jacobian(input, &mut report);
         let mut outcome = CycleOutcome {
             request: input.admitted,
             desired: Directions::default(),
@@ -275,8 +373,7 @@ impl Step for Cycle {
             condition: 0.0,
             saturated: 0,
         };
-        let can_steer =
-            input.engaged && input.pose.is_some() && self.model.has_jacobian() && input.period > 0.0;
+        let can_steer = input.engaged && input.pose.is_some() && self.has_jacobian() && input.period > 0.0;
         if can_steer {
             self.reference.advance(&input.target, input.period);
             self.fill_rows(input.pose_age);

@@ -84,6 +84,26 @@ impl OrientationError {
             }
         }
     }
+
+    /// By how much the quantities that the rows count change between two tangents: over the step of a parameter a column
+    /// of the orientation Jacobian by differences.
+    #[must_use]
+    pub fn change(&self, from: &Vector3<f64>, to: &Vector3<f64>, desired: &Vector3<f64>) -> Vector2<f64> {
+        match self.kind {
+            // The error of `from`, were `to` desired.
+            OrientationErrorKind::TangentPlane => self.rows(from, to),
+            OrientationErrorKind::AxisAngle => {
+                let axis_desired = axis_of_rotation(desired).0;
+                let counted = |tangent| {
+                    let (axis, _) = axis_of_rotation(tangent);
+                    Vector2::new(axis_desired.dot(&axis), angle_of_rotation(tangent))
+                };
+                // One sign for both, so that a step across the axis's horizon is no leap.
+                let sign = if axis_of_rotation(from).0.dot(&axis_desired) < 0.0 { -1.0 } else { 1.0 };
+                (counted(to) - counted(from)) * sign // (15)
+            }
+        }
+    }
 }
 
 /// Axis `z x t` normalised, and `sin(phi)` bounded from below; (7). The y axis where `t` is along z.
@@ -93,10 +113,15 @@ fn axis_of_rotation(tangent: &Vector3<f64>) -> (Vector3<f64>, f64) {
     if sine < SINE_MIN { (Vector3::y(), SINE_MIN) } else { (across / sine, sine) }
 }
 
+/// Angle `phi` between global z and the tangent, 0 to pi; (7).
+fn angle_of_rotation(tangent: &Vector3<f64>) -> f64 {
+    Vector3::z().cross(tangent).norm().atan2(tangent.z)
+}
+
 /// Of the two descriptions `(k, phi)` and `(-k, -phi)` of a tangent, the one whose axis is nearer to the desired axis.
 fn signed_axis_angle(tangent: &Vector3<f64>, axis_desired: &Vector3<f64>) -> (Vector3<f64>, f64) {
     let (axis, _) = axis_of_rotation(tangent);
-    let angle = Vector3::z().cross(tangent).norm().atan2(tangent.z);
+    let angle = angle_of_rotation(tangent);
     if axis.dot(axis_desired) < 0.0 { (-axis, -angle) } else { (axis, angle) }
 }
 
@@ -142,6 +167,24 @@ mod tests {
                     (error.rows(&moved(step), &goal) - error.rows(&moved(-step), &goal)) / (2.0 * step);
                 // Central differences of rows of order one: 1e-6^2 truncation, 1e-16/1e-6 rounding.
                 assert!((map * direction + difference).norm() < 1e-8, "{:?}", error.kind);
+            }
+        }
+    }
+
+    /// Goal: the change between two tangents is what the map says, to first order.
+    #[test]
+    fn change_tends_to_the_map() {
+        let tangent = Vector3::new(0.8, 0.3, -0.5).normalize();
+        let desired = Vector3::new(0.7, -0.2, 0.4).normalize();
+        for error in errors() {
+            let map = error.map(&tangent, &desired);
+            for direction in crate::math::orthonormal_complement(&tangent) {
+                let moved = |size: f64| (tangent + direction * size).normalize();
+                let change = (error.change(&tangent, &moved(1e-6), &desired)
+                    - error.change(&tangent, &moved(-1e-6), &desired))
+                    / 2e-6;
+                // As in the differences above.
+                assert!((map * direction - change).norm() < 1e-8, "{:?}", error.kind);
             }
         }
     }

@@ -2,8 +2,9 @@
 //!
 //! `reference` smooths the targets, `error` compares measured and desired tangents, `integral` turns the error into a wanted
 //! velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties them to the
-//! model's statics and exact Jacobian. What is absent: a clock, a channel, an allocation after construction.
+//! model's statics and orientation Jacobian: the exact one, or the paper's `algorithm_1`. What is absent: a clock, a channel, an allocation after construction.
 
+mod algorithm_1;
 mod allocation;
 mod config;
 mod cycle;
@@ -15,6 +16,7 @@ mod reference;
 #[cfg(test)]
 mod tests;
 
+pub use algorithm_1::{Algorithm1, Algorithm1Config, HeldPose, JacobianKind, PoseSource, Present, Progress};
 pub use allocation::{Allocated, Allocation, AllocationKind, Wish};
 pub use config::{ControlConfig, FrameUse};
 pub use cycle::{Cycle, CycleInput, CycleOutcome, Directions, ModelReport, Step};

@@ -12,6 +12,7 @@
 use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
 
+use super::algorithm_1::{HeldPose, Present};
 use super::cycle::ModelReport;
 use crate::magnetics::{ActuatedArray, AppliedField, CoilArray, FieldSample, PARAMETERS_MAX, PosedArray};
 use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
@@ -192,6 +193,16 @@ impl Model {
             unknowns += step;
         }
         (passes, residual)
+    }
+
+    /// Actuation, base unknowns and magnets' poses of the last equilibrium on the model's way.
+    #[must_use]
+    pub fn present(&self) -> Present {
+        let mut poses = [HeldPose::default(); MAGNETS_MAX];
+        for (pose, magnet) in poses.iter_mut().zip(self.pass.magnets()) {
+            *pose = HeldPose { position: magnet.position(), rotation: magnet.rotation() };
+        }
+        Present { actuation: self.anchor.actuation, unknowns: self.anchor.unknowns, poses }
     }
 
     /// True once a Jacobian was computed.

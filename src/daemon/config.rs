@@ -34,19 +34,20 @@ pub struct DaemonConfig {
     /// Poses older than this end in a ramp to zero, ms. Above `pose_hold_ms`: how long the rod may be
     /// held open-loop. 250 for a direct tracker, 500 for a camera.
     pub pose_stop_ms: f64,
-    /// Poses in which a magnet points further than this from where the model has it are not believed: they count as
-    /// none, deg, 1 to 180 (which believes anything). Above the model's error and what the rod turns by within the
-    /// age of the poses.
+    /// Poses in which a magnet points further than this from where the model has it are not believed: they
+    /// count as none, as do those of half of `pose_hold_ms` after, deg, 1 to 180 (which believes anything).
+    /// Above the model's error and what the rod turns by within the age of the poses.
     pub pose_error_max_deg: f64,
-    /// A measured current this far from the commanded one for `following_stop_ms` is a trip, A, > 0. Above what the
-    /// amplifiers lag behind a step of the allocation.
+    /// A measured current this far from the commanded one for `following_stop_ms` is a trip, A, > 0. Above
+    /// what the amplifiers lag behind a step of the allocation.
     pub following_current_max_a: f64,
     /// The same for a measured frame angle, deg, above 0, to 360. Above lag and backlash of the motors.
     pub following_angle_max_deg: f64,
-    /// How long currents and angles may stay away from commands, ms, 2 periods to 5000. Above the time in which the
-    /// amplifiers make up for the largest step that the slew limit allows.
+    /// How much longer currents and angles may stay away from commands than near them, ms, 2 periods to 5000.
+    /// Above the time in which the amplifiers make up for the largest step that the slew limit allows.
     pub following_stop_ms: f64,
-    /// Feedback older than this, or whose echo of commands stands still for so long, is a trip, ms, 2 periods to 5000.
+    /// Feedback older than this, or whose echo of commands stands still for so long, is a trip, ms, 2 periods
+    /// to 5000.
     pub feedback_stop_ms: f64,
     /// Without a converged model for this long the loop stops, ms, 1 to 5000.
     pub model_stop_ms: f64,

@@ -100,6 +100,15 @@ pub fn request_realtime(request: &RealtimeRequest) -> RealtimeReport {
     RealtimeReport { items }
 }
 
+/// Asks for the loop's policy for the calling thread, which helps the loop's, and reads back what holds. Its CPU is left
+/// to the kernel: pinned to the loop's it could not help.
+#[must_use]
+pub fn request_helper_realtime(priority: u32) -> RealtimeItem {
+    let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
+    prefault_stack();
+    RealtimeItem { name: "helpers".to_owned(), ..request_fifo(priority) }
+}
+
 fn request_fifo(priority: u32) -> RealtimeItem {
     let parameters = libc::sched_param { sched_priority: i32::try_from(priority).unwrap_or(1) };
     // SAFETY: 0 names the calling thread, and the pointer is to a live, initialised structure.

@@ -230,12 +230,6 @@ impl<H: Hardware, S: Step> Lockstep<H, S> {
         &mut self.control_loop
     }
 
-    /// Time of the next cycle.
-    #[must_use]
-    pub fn now(&self) -> Stamp {
-        self.tick.now
-    }
-
     /// Time stepped so far, s.
     #[must_use]
     pub fn elapsed(&self) -> f64 {

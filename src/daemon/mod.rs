@@ -17,6 +17,7 @@
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
 //! | `target` | targets and tangents as people write and read them |
 //! | `lockstep` | the loop under stepped time: plays an experiment faster than real time |
+//! | `run_digest` | a run in 64 bits, to see whether two are the same |
 //! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
@@ -28,6 +29,7 @@ mod control_loop_tests;
 pub mod kernel;
 pub mod lockstep;
 mod run;
+mod run_digest;
 mod runner;
 mod state;
 mod statistics;
@@ -45,6 +47,7 @@ pub use clock::{Clock, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
 pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
 pub use run::{RunError, RunPlan, RunReport, run};
+pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
 pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};

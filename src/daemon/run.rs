@@ -18,11 +18,14 @@ use std::time::{Duration, Instant};
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::channels::{ChannelError, DaemonServices, Endpoint, OperatorServices};
 use magsteer_hal::operator::{Cause, state};
+use rayon::ThreadPool;
 use serde::{Deserialize, Serialize};
 
 use super::config::{DaemonConfig, RealtimePolicy};
 use super::control_loop::{ControlLoop, LoopOptions};
-use super::kernel::{RealtimeReport, RealtimeRequest, request_realtime};
+use super::kernel::{
+    RealtimeItem, RealtimeReport, RealtimeRequest, request_helper_realtime, request_realtime,
+};
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::TimingSummary;
 use super::telemetry::{Telemetry, TelemetryRings, log};
@@ -132,7 +135,7 @@ impl RunReport {
 ///
 /// # Errors
 /// When no driver appears in time, the channels fail, or a thread of the daemon dies.
-pub fn run<S: Step>(
+pub fn run<S: Step + Send>(
     plan: &RunPlan<'_>,
     make_controller: impl FnOnce() -> S + Send,
     stop: &StopFlag,
@@ -147,8 +150,20 @@ pub fn run<S: Step>(
             .name("magsteer-loop".to_owned())
             .stack_size(LOOP_STACK)
             .spawn_scoped(scope, || {
-                let control_loop = prepare_loop(plan, services, make_controller, &realtime)?;
-                Ok(run_loop(control_loop, plan.config.period(), loop_rings, &counters, stop))
+                let mut controller = make_controller();
+                let workers = controller
+                    .start_workers(LOOP_STACK)
+                    .map_err(|error| RunError::Thread(std::io::Error::other(error)))?;
+                let pool = workers.as_deref();
+                let run = || -> Result<LoopEnd, RunError> {
+                    let control_loop = prepare_loop(plan, services, controller, pool, &realtime)?;
+                    Ok(run_loop(control_loop, plan.config.period(), loop_rings, &counters, stop))
+                };
+                // Entered once: the loop becomes one of the pool's threads, and a cycle hands work to the others at little cost.
+                match pool {
+                    Some(pool) => pool.install(run),
+                    None => run(),
+                }
             })?;
         let telemetry_thread =
             std::thread::Builder::new().name("magsteer-comms".to_owned()).spawn_scoped(scope, || {
@@ -164,7 +179,7 @@ pub fn run<S: Step>(
             }
             std::thread::sleep(WATCH);
         }
-        let end: Result<LoopEnd, ChannelError> = loop_thread.join().map_err(|_| RunError::LoopPanicked)?;
+        let end: Result<LoopEnd, RunError> = loop_thread.join().map_err(|_| RunError::LoopPanicked)?;
         let told: Result<(), ChannelError> =
             telemetry_thread.join().map_err(|_| RunError::TelemetryPanicked)?;
         told?;
@@ -206,22 +221,34 @@ fn find_driver(plan: &RunPlan<'_>, stop: &StopFlag) -> Result<DaemonServices, Ru
 fn prepare_loop<S: Step>(
     plan: &RunPlan<'_>,
     services: DaemonServices,
-    make_controller: impl FnOnce() -> S,
+    controller: S,
+    workers: Option<&ThreadPool>,
     realtime: &OnceLock<RealtimeReport>,
 ) -> Result<ControlLoop<magsteer_hal::channels::DaemonEnd, S>, ChannelError> {
-    let controller = make_controller();
     let hardware = services.into_ports(plan.description)?;
-    let report = request_realtime(&RealtimeRequest {
+    let mut report = request_realtime(&RealtimeRequest {
         priority: plan.config.priority,
         cpu: plan.config.cpu,
         lock_memory: plan.config.lock_memory,
     });
+    report.items.extend(workers.and_then(|workers| realtime_of(workers, plan.config.priority)));
     let realtime_missing = plan.config.realtime == RealtimePolicy::Enforce && !report.is_granted();
     log(format_args!("{} Hz; {report}", plan.config.rate_hz));
     // Set once, here.
     let _ = realtime.set(report);
     let options = LoopOptions { realtime_missing, token_seed: RandomState::new().build_hasher().finish() };
     Ok(ControlLoop::new(hardware, controller, plan.description, plan.config, options))
+}
+
+/// Real time for the threads that help the loop's; called in one of them, which has asked for itself.
+fn realtime_of(workers: &ThreadPool, priority: u32) -> Option<RealtimeItem> {
+    let own = workers.current_thread_index();
+    let asked =
+        workers.broadcast(|thread| (Some(thread.index()) != own).then(|| request_helper_realtime(priority)));
+    let mut answers = asked.into_iter().flatten();
+    let first = answers.next()?;
+    // The worst answer speaks for all.
+    Some(answers.fold(first, |worst, answer| if worst.granted { answer } else { worst }))
 }
 
 fn rings(config: &DaemonConfig) -> (LoopRings, TelemetryRings) {

@@ -2,7 +2,7 @@
 //!
 //! | sign | what may be behind it | what follows |
 //! |---|---|---|
-//! | measured directions far off the model's | a sensor that froze or sees something else, magnets mixed up, a rod that is held | such poses count as none: hold, then stop |
+//! | measured directions far off the model's | a sensor that froze or sees something else, magnets mixed up, a rod that is held | such poses, and those of half of `pose_hold_ms` after, count as none: hold, then stop |
 //! | poses of another life of the sensor than at arming | it restarted; nobody checked where it looks now | stop |
 //! | measured currents or angles far off the commanded, for a while | an amplifier or motor that does not obey, a sensor that froze | stop |
 //! | the echo of commands stands still | feedback that froze under fresh stamps | feedback counts as stale |
@@ -15,7 +15,7 @@ use std::time::Duration;
 use magsteer_hal::{Actuation, Stamp};
 
 use super::config::Limits;
-use super::watch::{Observation, lasted, since};
+use super::watch::{Observation, lasted};
 use crate::control::CycleOutcome;
 
 /// Greatest distance of anything measured from what was commanded last.
@@ -61,10 +61,14 @@ fn angle_between(one: &[f64; 3], other: &[f64; 3]) -> f64 {
 #[derive(Debug, Clone)]
 pub(super) struct Trust {
     limits: Limits,
-    /// Exposure of the newest poses that could be true.
+    /// Exposure of the newest poses that are believed.
     believed_pose: Option<Stamp>,
+    /// When poses last disagreed with the model.
+    disagreed: Option<Stamp>,
     pose_is_believed: bool,
-    astray_since: Option<Stamp>,
+    /// Time spent astray, less time spent otherwise: what is wrong most of the time is wrong.
+    astray: Duration,
+    previous: Option<Stamp>,
     echo: Option<Echo>,
     /// Lives of driver and sensor when authority was granted.
     granted: Option<Lives>,
@@ -88,8 +92,10 @@ impl Trust {
         Self {
             limits,
             believed_pose: None,
+            disagreed: None,
             pose_is_believed: true,
-            astray_since: None,
+            astray: Duration::ZERO,
+            previous: None,
             echo: None,
             granted: None,
         }
@@ -97,13 +103,16 @@ impl Trust {
 
     /// Takes one cycle's observation.
     pub(super) fn observe(&mut self, seen: &Observation) {
-        self.pose_is_believed = !seen.model_converged || seen.pose_error <= self.limits.pose_error_max;
+        if seen.model_converged && seen.pose_error > self.limits.pose_error_max {
+            self.disagreed = Some(seen.now);
+        }
+        // Of poses at random one in some is near the truth: trust comes back more slowly than it goes.
+        let doubt = self.limits.pose_hold / 2;
+        self.pose_is_believed = self.disagreed.is_none_or(|disagreed| seen.now.since(disagreed) > doubt);
         if self.pose_is_believed {
             self.believed_pose = seen.pose_stamp;
         }
-        let astray = seen.astray.current > self.limits.following_current_max
-            || seen.astray.angle > self.limits.following_angle_max;
-        self.astray_since = since(self.astray_since, astray, seen.now);
+        self.follow(seen);
         if let Some(driver) = &seen.driver
             && self.echo.is_none_or(|echo| echo.sequence != driver.echoed)
         {
@@ -111,24 +120,38 @@ impl Trust {
         }
     }
 
-    /// Remembers who granted authority and who measured then.
+    fn follow(&mut self, seen: &Observation) {
+        // A pause of the loop says nothing about the time in between.
+        let most = self.limits.following_stop / 10;
+        let elapsed = self.previous.map_or(Duration::ZERO, |previous| seen.now.since(previous).min(most));
+        self.previous = Some(seen.now);
+        let is_astray = seen.astray.current > self.limits.following_current_max
+            || seen.astray.angle > self.limits.following_angle_max;
+        self.astray = if is_astray { self.astray + elapsed } else { self.astray.saturating_sub(elapsed) };
+        // What was wrong for long is forgiven as fast as what tripped.
+        self.astray = self.astray.min(self.limits.following_stop + most);
+    }
+
+    /// Remembers who granted authority and who measured then. What went astray before is no concern of the
+    /// new holder.
     pub(super) fn note_grant(&mut self, seen: &Observation) {
+        self.astray = Duration::ZERO;
         self.granted = Some(Lives { driver: seen.driver.map(|driver| driver.life), sensor: seen.pose_life });
     }
 
-    /// True when the newest poses are fresh enough and could be true, or others not older were.
+    /// True when poses that are believed were true within `limit`.
     pub(super) fn poses_within(&self, seen: &Observation, limit: Duration) -> bool {
         self.believed_pose.is_some_and(|stamp| seen.now.since(stamp) <= limit)
     }
 
-    /// True when the newest poses could be true.
+    /// True when the newest poses are believed.
     pub(super) fn pose_is_believed(&self) -> bool {
         self.pose_is_believed
     }
 
     /// True when currents or angles have not followed commands for too long.
-    pub(super) fn is_astray(&self, seen: &Observation) -> bool {
-        lasted(self.astray_since, seen.now, self.limits.following_stop)
+    pub(super) fn is_astray(&self) -> bool {
+        self.astray > self.limits.following_stop
     }
 
     /// True when commands were sent for too long without any being echoed.

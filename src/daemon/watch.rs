@@ -198,7 +198,7 @@ impl Watch {
         let Some(driver) = seen.fresh_driver(self.limits.feedback_stop) else {
             return Some(Cause::FeedbackStale);
         };
-        if self.trust.is_astray(seen) {
+        if self.trust.is_astray() {
             return Some(Cause::NotFollowing);
         }
         let obeys = driver.epoch == epoch && driver.state == driver_state::DRIVEN;
@@ -322,7 +322,7 @@ fn model_cause(seen: &Observation) -> Cause {
 }
 
 /// Begin of an unbroken run of `wrong`.
-pub(super) fn since(begin: Option<Stamp>, wrong: bool, now: Stamp) -> Option<Stamp> {
+fn since(begin: Option<Stamp>, wrong: bool, now: Stamp) -> Option<Stamp> {
     if wrong { begin.or(Some(now)) } else { None }
 }
 

@@ -2,10 +2,14 @@
 //!
 //! Method: one-sided Jacobi (Hestenes 1958; Golub, Van Loan: Matrix Computations, 4th ed., section 8.6.3) on the rows of
 //! `A = U S V'`: plane rotations make the rows of `U'A = S V'` orthogonal, so that small singular values keep their relative
-//! accuracy. Sweeps end when every pair of rows is orthogonal to rounding; 30 sweeps are far more than ever needed.
+//! accuracy. Sweeps end when every pair of rows is orthogonal to rounding; 30 sweeps are far more than ever needed. A row below rounding of
+//! the whole matrix, as a matrix of lower rank leaves it, is noise that never becomes orthogonal to anything: it is left alone.
 
 /// Sweeps after which the decomposition is used as it is.
 const SWEEPS_MAX: usize = 30;
+
+/// Norm of a row, relative to that of the matrix, that is rounding; far below what [`ThinSvd::condition`] and its like are asked to keep.
+const ROUNDING: f64 = 1e-15;
 
 /// Decomposition of an `rows x columns` matrix.
 #[derive(Debug, Clone)]
@@ -39,8 +43,10 @@ impl ThinSvd {
         for i in 0..self.rows {
             self.left[i * self.rows + i] = 1.0;
         }
+        let whole: f64 = matrix.iter().map(|entry| entry * entry).sum();
+        let noise = whole * ROUNDING * ROUNDING;
         for _ in 0..SWEEPS_MAX {
-            if !self.sweep() {
+            if !self.sweep(noise) {
                 break;
             }
         }
@@ -102,18 +108,18 @@ impl ThinSvd {
         self.values.iter().fold(0.0, |most, value| most.max(*value))
     }
 
-    /// Rotates every pair of rows; false when all were orthogonal already.
-    fn sweep(&mut self) -> bool {
+    /// Rotates every pair of rows whose squared norms exceed `noise`; false when all were orthogonal already.
+    fn sweep(&mut self, noise: f64) -> bool {
         let mut rotated = false;
         for p in 0..self.rows {
             for q in p + 1..self.rows {
-                rotated |= self.rotate(p, q);
+                rotated |= self.rotate(p, q, noise);
             }
         }
         rotated
     }
 
-    fn rotate(&mut self, p: usize, q: usize) -> bool {
+    fn rotate(&mut self, p: usize, q: usize, noise: f64) -> bool {
         let n = self.columns;
         let (head, tail) = self.scaled_right.split_at_mut(q * n);
         let (first, second) = (&mut head[p * n..(p + 1) * n], &mut tail[..n]);
@@ -125,7 +131,7 @@ impl ThinSvd {
         }
         // Also false for numbers that are not finite: the sweeps then end at once.
         let coupled = gamma != 0.0 && gamma.abs() > 1e-15 * (alpha * beta).sqrt();
-        if !coupled {
+        if !coupled || alpha.min(beta) <= noise {
             return false;
         }
         let zeta = (beta - alpha) / (2.0 * gamma);
@@ -211,6 +217,29 @@ mod tests {
             assert!((first - second).abs() < 1e-14);
         }
         assert!(once.iter().any(|x| x.abs() > 0.1));
+    }
+
+    /// Goal: a matrix of far lower rank than it has rows takes no more sweeps than others.
+    #[test]
+    fn low_rank_ends_as_soon_as_full_rank() {
+        let mut random = ChaCha8Rng::seed_from_u64(12);
+        for _ in 0..100 {
+            let mut factor =
+                |rows, columns| DMatrix::from_fn(rows, columns, |_, _| random.random_range(-1.0..1.0));
+            let matrix: DMatrix<f64> = factor(16, 3) * factor(3, 10);
+            let by_rows: Vec<f64> = matrix.transpose().iter().copied().collect();
+            let noise = matrix.norm_squared() * ROUNDING * ROUNDING;
+            let mut svd = ThinSvd::new(16, 10);
+            svd.scaled_right.copy_from_slice(&by_rows);
+            let sweeps = (1..=SWEEPS_MAX).find(|_| !svd.sweep(noise));
+            assert!(sweeps.is_some_and(|sweeps| sweeps < 12), "{sweeps:?}");
+            svd.decompose(&by_rows);
+            let mut values = svd.values().to_vec();
+            values.sort_by(|a, b| b.total_cmp(a));
+            for (ours, theirs) in values.iter().zip(matrix.singular_values().iter()) {
+                assert!((ours - theirs).abs() < 1e-13 * values[0]);
+            }
+        }
     }
 
     /// Goal: a rank-deficient matrix keeps only what (19) keeps, and a zero matrix moves nothing.

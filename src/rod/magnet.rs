@@ -25,7 +25,7 @@ use magsteer_hal::description::MagnetDescription;
 use crate::magnetics::{FieldGradient, FieldSample};
 use crate::math::{Pair, Triple};
 
-use super::state::State;
+use super::state::{Frame, State};
 use super::transition::Columns;
 
 /// How the wrench on a magnet enters the sensitivities.
@@ -94,6 +94,34 @@ impl Magnet {
         Jump { force, torque, ..jump }
     }
 
+    /// As [`Self::cross`], under a force and a torque at the centre that are held in the world.
+    #[inline(always)]
+    pub fn cross_held(&self, state: &mut State, gravity: Triple, force: Triple, torque: Triple) -> Jump {
+        let before = state.force;
+        let after = before - force - gravity.scaled(self.mass);
+        let jump = self.rigid_jump(&state.frame, before + after);
+        let tangent = state.frame.tangent;
+        state.moment = state.moment - torque - tangent.cross(before + after).scaled(0.5 * self.length);
+        state.force = after;
+        state.position = state.position + tangent.scaled(self.length); // (j3)
+        jump
+    }
+
+    /// What a rigid part does to variations under wrenches that do not vary; `forces` is `n + n+`.
+    #[inline(always)]
+    fn rigid_jump(&self, frame: &Frame, forces: Triple) -> Jump {
+        let half = 0.5 * self.length;
+        let mut jump = Jump {
+            arm: frame.tangent.scaled(half),
+            center_by_rotation: [frame.d2.scaled(-half), frame.d1.scaled(half)],
+            ..Jump::default()
+        };
+        for (by, dc) in jump.moment_by_rotation.iter_mut().zip(jump.center_by_rotation) {
+            *by = forces.cross(dc); // (j6), third term
+        }
+        jump
+    }
+
     #[inline(always)]
     fn jump(
         &self,
@@ -103,18 +131,9 @@ impl Magnet {
         sample: &FieldSample,
         wrenches: Wrenches,
     ) -> Jump {
-        let half = 0.5 * self.length;
         let frame = &state.frame;
-        let arm = frame.tangent.scaled(half);
-        let mut jump = Jump {
-            arm,
-            dipole: moment,
-            center_by_rotation: [frame.d2.scaled(-half), frame.d1.scaled(half)],
-            ..Jump::default()
-        };
-        for (by, dc) in jump.moment_by_rotation.iter_mut().zip(jump.center_by_rotation) {
-            *by = forces.cross(dc); // (j6), third term
-        }
+        let mut jump = Jump { dipole: moment, ..self.rigid_jump(frame, forces) };
+        let arm = jump.arm;
         if wrenches == Wrenches::Frozen {
             return jump;
         }

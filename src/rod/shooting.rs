@@ -152,7 +152,7 @@ impl Manipulator {
 
     /// dr/dxi in units of the residual.
     #[inline(always)]
-    fn scaled_jacobian(&self, base: &Columns<PAIRS_CLAMPED>) -> [[f64; 6]; 6] {
+    pub(super) fn scaled_jacobian(&self, base: &Columns<PAIRS_CLAMPED>) -> [[f64; 6]; 6] {
         let lever = self.moment_unit / self.force_unit;
         let shrink = 1.0 / lever;
         core::array::from_fn(|i| {
@@ -288,7 +288,7 @@ fn store(rows: &mut JacobianRows, first: usize, value: Triple<Pair>) {
 impl Section {
     /// Integrates a section that starts at the clamp.
     #[inline]
-    fn leave_clamp<const FULL: bool>(
+    pub(super) fn leave_clamp<const FULL: bool>(
         &self,
         state: &mut State,
         gravity: Triple,
@@ -305,7 +305,7 @@ impl Section {
 
     /// Integrates a section further on, with all columns.
     #[inline]
-    fn carry<const FULL: bool>(
+    pub(super) fn carry<const FULL: bool>(
         &self,
         state: &mut State,
         gravity: Triple,

@@ -16,7 +16,7 @@
 
 use crate::math::{Pair, Triple};
 
-use super::section::{Column, Section};
+use super::section::{Column, Node, Section};
 use super::state::{Frame, State};
 
 /// Pairs of columns of a transition from the clamp: by force and moment.
@@ -155,12 +155,28 @@ impl Section {
                 column.step::<EXTENSIBLE, FULL, CURVED, 2>(&stages);
             }
         }
-        let raw = (node.t, node.d1);
+        self.leave(node, travel, gravity, state);
+        self.finish::<FULL, P>(&columns, (node.t, node.d1), &state.frame)
+    }
+
+    /// As [`Self::advance`], without variations.
+    pub fn traverse<const EXTENSIBLE: bool, const CURVED: bool>(&self, state: &mut State, gravity: Triple) {
+        let mut node = self.enter(state);
+        let mut travel = Triple::default();
+        let weight = self.weight_of_half_step(gravity);
+        for _ in 0..self.segments {
+            self.step::<EXTENSIBLE, CURVED>(&mut node, &mut travel, weight);
+        }
+        self.leave(node, travel, gravity, state);
+    }
+
+    /// The state at the section's end.
+    #[inline(always)]
+    fn leave(&self, node: Node, travel: Triple, gravity: Triple, state: &mut State) {
         state.position = state.position + travel.scaled(self.half_step / 3.0);
         state.force = state.force - gravity.scaled(self.mass_per_length * self.length); // (r2)
         state.moment = node.mu.scaled(1.0 / self.moment_scale);
-        state.frame = orthonormal(raw.0, raw.1);
-        self.finish::<FULL, P>(&columns, raw, &state.frame)
+        state.frame = orthonormal(node.t, node.d1);
     }
 
     /// Variations at the start of the section: none by forces yet, the unit moments, the unit rotations.

@@ -1,4 +1,5 @@
 //! The simulated plant and the daemon as processes of a rig of their own, for tests that kill them.
+#![allow(dead_code, reason = "every test file compiles its own copy and uses a part of it")]
 
 use std::fs::File;
 use std::path::{Path, PathBuf};

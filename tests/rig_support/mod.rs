@@ -8,8 +8,7 @@ use magsteer::config::{Config, Document, Experiment, ExperimentStep};
 use magsteer::control::{Cycle, Directions};
 use magsteer::daemon::lockstep::{Lockstep, PlayEnd, TimedTarget};
 use magsteer::daemon::step_response::StepResponse;
-use magsteer::daemon::{CycleRecord, State, Verb};
-use magsteer_hal::Stamp;
+use magsteer::daemon::{CycleRecord, Verb};
 use magsteer_hal::fault::{FaultPlanConfig, Injector, Reach};
 use magsteer_sim_plant::{PlantConfig, SimulatedRig};
 
@@ -70,11 +69,6 @@ impl Bench {
         Self { lockstep, config }
     }
 
-    /// Runs one cycle.
-    pub fn cycle(&mut self) -> CycleRecord {
-        self.lockstep.cycle()
-    }
-
     /// Runs cycles for a time.
     pub fn run(&mut self, seconds: f64, mut look: impl FnMut(&CycleRecord, &SimulatedRig)) {
         let flow = self.lockstep.run(seconds, |record, rig| {
@@ -87,21 +81,6 @@ impl Bench {
     /// Asks for something in the next cycle.
     pub fn request(&mut self, verb: Verb) {
         self.lockstep.request(verb).expect("one request a cycle");
-    }
-
-    /// The rig, for its truth, its counts and its faults.
-    pub fn rig(&mut self) -> &mut SimulatedRig {
-        self.lockstep.control_loop_mut().hardware_mut()
-    }
-
-    /// Present state of the daemon.
-    pub fn state(&self) -> &State {
-        self.lockstep.control_loop().state()
-    }
-
-    /// Time of the next cycle.
-    pub fn now(&self) -> Stamp {
-        self.lockstep.now()
     }
 
     /// Commands that broke a limit, as the plant counts them.

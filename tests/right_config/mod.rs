@@ -63,6 +63,7 @@ passes_max = 2000
 
 [control]
 orientation_error = "tangent-plane"
+jacobian = "exact"
 proportional_per_s = 5.0
 integral_per_s2 = 0.0
 reference_time_constant_ms = 60.0
@@ -82,9 +83,9 @@ command_validity_ms = 100.0
 pose_hold_ms = 50.0
 pose_stop_ms = 250.0
 pose_error_max_deg = 30.0
-following_current_max_a = 1.0
-following_angle_max_deg = 10.0
-following_stop_ms = 100.0
+following_current_max_a = 1.5
+following_angle_max_deg = 20.0
+following_stop_ms = 150.0
 feedback_stop_ms = 200.0
 model_stop_ms = 250.0
 ramp_timeout_ms = 1000.0

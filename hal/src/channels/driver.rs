@@ -48,8 +48,8 @@ impl DriverServices {
         })
     }
 
-    /// Lets faults happen: those of the injector's plan, and those that anyone asks for from now on. For a driver whose
-    /// user said so explicitly.
+    /// Lets faults happen: those of the injector's plan, and those that anyone asks for from now on. For a
+    /// driver whose user said so explicitly.
     ///
     /// # Errors
     /// When the transport fails.
@@ -81,9 +81,9 @@ impl DriverServices {
 
 /// The driver's end of the channels. Belongs to the thread that made it.
 ///
-/// Each `publish` fills in sequence, epoch, schema and publish stamp; source stamp and validity are the driver's. Where
-/// faults are allowed they happen in here: a driver takes commands and publishes as ever, and hands each set point
-/// through [`DriverEnd::setpoint`].
+/// Each `publish` fills in sequence, epoch, schema and publish stamp; source stamp and validity are the
+/// driver's. Where faults are allowed they happen in here: a driver takes commands and publishes as ever, and
+/// hands each set point through [`DriverEnd::setpoint`].
 #[derive(Debug)]
 pub struct DriverEnd {
     pose: Outlet<PoseMessage>,
@@ -107,8 +107,8 @@ impl DriverEnd {
         DriverServices::create(endpoint)?.into_ports()
     }
 
-    /// The newest command since the former call, unchecked: hand it to [`crate::CommandGuard::offer`]. Call it once a
-    /// cycle of the driver, since requests for faults are served here, too.
+    /// The newest command since the former call, unchecked: hand it to [`crate::CommandGuard::offer`]. Call
+    /// it once a cycle of the driver, since requests for faults are served here, too.
     pub fn take_command(&mut self, now: Stamp) -> Option<CoilCommand> {
         // Nothing received and nothing receivable are the same to a driver: the guard ramps down.
         let received = self.command.newest(now).unwrap_or(None);
@@ -117,8 +117,8 @@ impl DriverEnd {
         received.map(|command| faults.injector.command(&command, now))
     }
 
-    /// What the amplifiers and motors are to follow in place of the guard's set point, `period_s` after the former
-    /// call: the same, unless a fault of actuators acts. Within the rig's limits in any case.
+    /// What the amplifiers and motors are to follow in place of the guard's set point, `period_s` after the
+    /// former call: the same, unless a fault of actuators acts. Within the rig's limits in any case.
     pub fn setpoint(&mut self, setpoint: &Setpoint, now: Stamp, period_s: f64) -> Setpoint {
         match &mut self.faults {
             Some(faults) => faults.injector.setpoint(setpoint, now, period_s),
@@ -131,7 +131,8 @@ impl DriverEnd {
         self.faults.as_mut().and_then(|faults| faults.injector.next_condition(now))
     }
 
-    /// The oldest begin or end of a fault that was not taken yet; telling of it belongs outside of the driver's cycle.
+    /// The oldest begin or end of a fault that was not taken yet; telling of it belongs outside of the
+    /// driver's cycle.
     pub fn take_fault_event(&mut self) -> Option<FaultEvent> {
         self.faults.as_mut().and_then(|faults| faults.injector.take_event())
     }

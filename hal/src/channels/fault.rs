@@ -99,7 +99,8 @@ impl FaultClient {
     /// Sends a request and waits for its answer. Without an answer it must be taken as not done.
     ///
     /// # Errors
-    /// When the driver does not allow faults, is gone or does not answer within `timeout`, or the transport fails.
+    /// When the driver does not allow faults, is gone or does not answer within `timeout`, or the transport
+    /// fails.
     pub fn send(
         &mut self,
         request: FaultRequest,

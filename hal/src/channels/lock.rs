@@ -45,8 +45,8 @@ impl RoleLock {
     }
 }
 
-/// The living process that took the role last, as far as its lock file says. Looks at no lock, so that it never
-/// keeps anybody from taking one.
+/// The living process that took the role last, as far as its lock file says. Looks at no lock, so that it
+/// never keeps anybody from taking one.
 pub(super) fn holder(root: &Path, rig: &str, role: Role) -> Option<u32> {
     let text = std::fs::read_to_string(root.join(format!("{rig}.{role}.lock"))).ok()?;
     let number: u32 = text.trim().parse().ok()?;

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use crate::message::{CoilCommand, SCHEMA, order};
 
-use super::kinds::{EpochChange, Fault, FaultRefusal, FaultVerb};
+use super::checked::{Fault, FaultRefusal};
+use super::kinds::{EpochChange, FaultVerb};
 use super::plan::Scheduled;
 use super::slots::{Events, Memory, Slots};
 

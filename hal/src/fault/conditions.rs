@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use crate::message::{COILS_MAX, POSE_PARAMETERS_MAX};
 
-use super::kinds::{Condition, Fault, FaultRefusal, FaultVerb, Part};
+use super::checked::{Fault, FaultRefusal};
+use super::kinds::{Condition, FaultVerb, Part};
 use super::plan::Scheduled;
 use super::slots::{Events, Slots};
 
@@ -58,8 +59,8 @@ impl PlantFaults {
         self.slots.push(scheduled)
     }
 
-    /// The next difference between what acts and what the plant was told; of several faults of one part the one given
-    /// last counts.
+    /// The next difference between what acts and what the plant was told; of several faults of one part the
+    /// one given last counts.
     pub(super) fn next_change(&mut self, now: Duration, events: &mut Events) -> Option<ConditionChange> {
         self.slots.update(now, events);
         let mut acting = Conditions::SOUND;

@@ -25,9 +25,8 @@ use serde::{Deserialize, Serialize};
 use crate::description::HardwareDescription;
 use crate::invalid::{Checks, Invalid};
 
-use super::kinds::{
-    Condition, EpochChange, Fault, FaultRefusal, FaultTarget, FaultVerb, Garbage, Part, Reach, TIME_MAX,
-};
+use super::checked::{Fault, FaultRefusal};
+use super::kinds::{Condition, EpochChange, FaultTarget, FaultVerb, Garbage, Part, Reach, TIME_MAX};
 use super::plan::{FaultPlan, Scheduled};
 use super::slots::FAULTS_MAX;
 
@@ -73,7 +72,7 @@ pub struct FaultConfig {
     pub off_fraction: Option<f64>,
     /// How `wrong-epoch` is wrong: `other` or `every-message`.
     pub epoch: Option<EpochChange>,
-    /// Share of the turns that are `shorted`, above 0 and below 1.
+    /// Share of the turns that are `shorted`, above 0, at most 0.9.
     pub turns_fraction: Option<f64>,
 }
 
@@ -144,7 +143,8 @@ impl FaultConfig {
         }
     }
 
-    /// The fault with its times, when everything fits; else `checks` has why not, under keys that start with `key`.
+    /// The fault with its times, when everything fits; else `checks` has why not, under keys that start with
+    /// `key`.
     pub fn build(
         &self,
         key: &str,

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use super::kinds::DELAY_MAX;
 
-/// Entries that follow another one sooner than this are left out. So the line holds the longest delay whatever
-/// the rate, and never grows: at more than 2 kHz what is delayed also becomes rarer.
+/// Entries that follow another one sooner than this are left out. So the line holds the longest delay
+/// whatever the rate, and never grows: at more than 2 kHz what is delayed also becomes rarer.
 const SPACING: Duration = Duration::from_micros(500);
 
 /// The longest delay in entries, and some more for those at both ends.

@@ -9,10 +9,11 @@ use crate::seeded::Seeded;
 use crate::send::HeaderWriter;
 use crate::time::Stamp;
 
+use super::checked::{Fault, FaultRefusal};
 use super::commands::Commands;
 use super::conditions::{ConditionChange, PlantFaults};
 use super::content::Possible;
-use super::kinds::{Fault, FaultRefusal, FaultTarget, Reach};
+use super::kinds::{FaultTarget, Reach};
 use super::plan::{FaultPlan, Scheduled};
 use super::setpoints::Setpoints;
 use super::slots::{Events, FaultEvent};
@@ -44,8 +45,8 @@ pub struct FaultCounts {
 
 /// Makes faults happen. See the [module](super) for what each does.
 ///
-/// Everything that it will ever need is allocated at construction. The first stamp that it is given counts as the
-/// driver's start.
+/// Everything that it will ever need is allocated at construction. The first stamp that it is given counts as
+/// the driver's start.
 #[derive(Debug, Clone)]
 pub struct Injector {
     start: Option<Stamp>,
@@ -138,7 +139,8 @@ impl Injector {
         self.poses.offer(message, elapsed, &mut self.events);
     }
 
-    /// The next poses to publish now, complete with the header that `header` writes: ask until there are none.
+    /// The next poses to publish now, complete with the header that `header` writes: ask until there are
+    /// none.
     pub fn take_pose(&mut self, header: &mut HeaderWriter, now: Stamp) -> Option<PoseMessage> {
         let elapsed = self.elapsed(now);
         self.poses.take(header, &self.possible, elapsed, now, &mut self.events)
@@ -162,8 +164,8 @@ impl Injector {
         self.commands.pass(received, elapsed, &mut self.events)
     }
 
-    /// What the amplifiers and motors are to follow in place of the guard's set point, `period_s` after the former
-    /// call: always within the rig's limits on current, slew, angle and speed. A cut passes at once.
+    /// What the amplifiers and motors are to follow in place of the guard's set point, `period_s` after the
+    /// former call: always within the rig's limits on current, slew, angle and speed. A cut passes at once.
     pub fn setpoint(&mut self, setpoint: &Setpoint, now: Stamp, period_s: f64) -> Setpoint {
         let elapsed = self.elapsed(now);
         self.setpoints.pass(setpoint, &self.possible, elapsed, period_s, &mut self.events)
@@ -175,7 +177,8 @@ impl Injector {
         self.plant.next_change(elapsed, &mut self.events)
     }
 
-    /// The oldest begin or end of a fault that was not taken yet. For outside of the driver's cycle: telling takes time.
+    /// The oldest begin or end of a fault that was not taken yet. For outside of the driver's cycle: telling
+    /// takes time.
     pub fn take_event(&mut self) -> Option<FaultEvent> {
         self.events.take()
     }

@@ -1,4 +1,4 @@
-//! What a fault is: what it befalls, what it does there, and which of the two fit together.
+//! What a fault can befall and what it can do there: targets, parts and verbs, with their ranges.
 
 use std::fmt::{self, Display, Formatter};
 use std::time::Duration;
@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::description::HardwareDescription;
 use crate::message::{COILS_MAX, MAGNETS_MAX, POSE_PARAMETERS_MAX};
+
+use super::checked::FaultRefusal;
 
 /// Longest delay; a driver keeps what it delays in a line of bounded length.
 pub const DELAY_MAX: Duration = Duration::from_secs(1);
@@ -20,6 +22,8 @@ pub const RATE_MAX: f64 = 1_000.0;
 pub const PERIOD_MIN: Duration = Duration::from_millis(2);
 /// Longest period of an intermittent fault.
 pub const PERIOD_MAX: Duration = Duration::from_secs(60);
+/// Largest share of a coil's turns that may be shorted: beyond it little is left of a coil.
+pub const SHORTED_MAX: f64 = 0.9;
 /// Longest time before a fault begins, and that it lasts: a week.
 pub const TIME_MAX: Duration = Duration::from_secs(7 * 24 * 3600);
 
@@ -81,7 +85,7 @@ pub enum Condition {
     Open,
     /// A part of the coil's turns is shorted.
     Shorted {
-        /// Share of the turns, above 0 and below 1.
+        /// Share of the turns, above 0, at most 0.9.
         fraction: f64,
     },
     /// The amplifier goes on with the voltage of this moment and obeys nobody.
@@ -137,150 +141,6 @@ pub enum Reach {
     Plant,
 }
 
-/// What goes wrong where. Make one with [`Fault::new`], which refuses what makes no sense.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fault {
-    target: FaultTarget,
-    part: Option<Part>,
-    verb: FaultVerb,
-}
-
-/// Why a fault makes no sense, or not here.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum FaultRefusal {
-    /// The verb means nothing for the target.
-    #[error("{verb} does not apply to {target}; it takes {}", verbs_of(*.target))]
-    NotApplicable {
-        /// What it was to befall.
-        target: FaultTarget,
-        /// The verb's name.
-        verb: &'static str,
-    },
-    /// Actuators are given nothing that is not finite or beyond their limits.
-    #[error("actuators take `random` garbage alone: coils must never see more than their limits")]
-    UnsafeGarbage,
-    /// Feedback has no quaternions.
-    #[error("feedback has no quaternions: its garbage is `nan`, `huge` or `random`")]
-    NoQuaternion,
-    /// A part of another kind than the target has, or where the verb takes none.
-    #[error("{verb} of {target} cannot be limited to a single {part}")]
-    PartKind {
-        /// What it was to befall.
-        target: FaultTarget,
-        /// The verb's name.
-        verb: &'static str,
-        /// `magnet`, `coil` or `frame`.
-        part: &'static str,
-    },
-    /// A physical condition needs to be told of which coil or frame.
-    #[error("a fault of a {target} must say which")]
-    PartMissing {
-        /// What it was to befall.
-        target: FaultTarget,
-    },
-    /// The rig has no such part.
-    #[error("there is no {part} {index}: the rig has {count}")]
-    NoSuchPart {
-        /// `magnet`, `coil` or `frame`.
-        part: &'static str,
-        /// Index given.
-        index: usize,
-        /// How many there are.
-        count: usize,
-    },
-    /// A parameter out of its range.
-    #[error("{parameter} = {value}: must be {expected}")]
-    Range {
-        /// Name of the parameter.
-        parameter: &'static str,
-        /// Its value.
-        value: f64,
-        /// The values that would have been accepted.
-        expected: &'static str,
-    },
-    /// A physical condition, asked of a driver that has no simulated plant.
-    #[error("{verb} is a condition of the plant itself: only a simulated plant can have it on request")]
-    PlantOnly {
-        /// The verb's name.
-        verb: &'static str,
-    },
-    /// No room for one more.
-    #[error("{max} faults wait or act already: clear them first")]
-    TooMany {
-        /// How many there may be for one target.
-        max: usize,
-    },
-    /// Codes that this build does not know.
-    #[error("a request that this driver does not know")]
-    Unknown,
-}
-
-impl Fault {
-    /// A fault that fits the rig of `description` and a driver whose faults go as deep as `reach`.
-    ///
-    /// # Errors
-    /// Why it does not.
-    pub fn new(
-        target: FaultTarget,
-        part: Option<Part>,
-        verb: FaultVerb,
-        description: &HardwareDescription,
-        reach: Reach,
-    ) -> Result<Self, FaultRefusal> {
-        let name = verb.name();
-        if !verb.applies_to(target) {
-            return Err(FaultRefusal::NotApplicable { target, verb: name });
-        }
-        match (target, verb) {
-            (FaultTarget::Actuators, FaultVerb::Garbage(kind)) if kind != Garbage::Random => {
-                return Err(FaultRefusal::UnsafeGarbage);
-            }
-            (FaultTarget::Feedback, FaultVerb::Garbage(Garbage::Quaternion)) => {
-                return Err(FaultRefusal::NoQuaternion);
-            }
-            _ => (),
-        }
-        verb.check_range()?;
-        match part {
-            Some(part) if !verb.takes_part(target, part) => {
-                return Err(FaultRefusal::PartKind { target, verb: name, part: part.kind() });
-            }
-            Some(part) => part.check(description)?,
-            None if matches!(verb, FaultVerb::Physical(_)) => {
-                return Err(FaultRefusal::PartMissing { target });
-            }
-            None => (),
-        }
-        if matches!(verb, FaultVerb::Physical(_)) && reach == Reach::Channels {
-            return Err(FaultRefusal::PlantOnly { verb: name });
-        }
-        Ok(Self { target, part, verb })
-    }
-
-    /// What it befalls.
-    #[must_use]
-    pub const fn target(&self) -> FaultTarget {
-        self.target
-    }
-
-    /// The one part that it befalls; `None` for all of the target.
-    #[must_use]
-    pub const fn part(&self) -> Option<Part> {
-        self.part
-    }
-
-    /// What it does.
-    #[must_use]
-    pub const fn verb(&self) -> FaultVerb {
-        self.verb
-    }
-
-    /// True for what befalls commands before the guard judges them.
-    pub(super) const fn befalls_commands(&self) -> bool {
-        matches!(self.target, FaultTarget::Actuators) && self.verb.is_of_headers()
-    }
-}
-
 impl FaultTarget {
     /// Every target.
     pub const ALL: [Self; 5] = [Self::Poses, Self::Feedback, Self::Actuators, Self::Coil, Self::Frame];
@@ -320,7 +180,7 @@ impl FaultVerb {
         }
     }
 
-    const fn applies_to(&self, target: FaultTarget) -> bool {
+    pub(super) const fn applies_to(&self, target: FaultTarget) -> bool {
         match self {
             Self::Physical(Condition::Stalled) => matches!(target, FaultTarget::Frame),
             Self::Physical(_) => matches!(target, FaultTarget::Coil),
@@ -328,11 +188,11 @@ impl FaultVerb {
         }
     }
 
-    const fn is_of_headers(&self) -> bool {
+    pub(super) const fn is_of_headers(&self) -> bool {
         matches!(self, Self::Repeated | Self::Backward | Self::WrongEpoch(_) | Self::WrongVersion)
     }
 
-    const fn takes_part(&self, target: FaultTarget, part: Part) -> bool {
+    pub(super) const fn takes_part(&self, target: FaultTarget, part: Part) -> bool {
         let fits = match target {
             FaultTarget::Poses => matches!(part, Part::Magnet(_)),
             FaultTarget::Feedback | FaultTarget::Actuators => !matches!(part, Part::Magnet(_)),
@@ -342,7 +202,7 @@ impl FaultVerb {
         fits && !self.is_of_headers()
     }
 
-    fn check_range(&self) -> Result<(), FaultRefusal> {
+    pub(super) fn check_range(&self) -> Result<(), FaultRefusal> {
         let within = |holds: bool, parameter, value, expected| {
             if holds { Ok(()) } else { Err(FaultRefusal::Range { parameter, value, expected }) }
         };
@@ -362,7 +222,8 @@ impl FaultVerb {
                 within(share(off_fraction), "off_fraction", off_fraction, "above 0 and below 1")
             }
             Self::Physical(Condition::Shorted { fraction }) => {
-                within(share(fraction), "turns_fraction", fraction, "above 0 and below 1")
+                let holds = fraction > 0.0 && fraction <= SHORTED_MAX;
+                within(holds, "turns_fraction", fraction, "above 0, at most 0.9")
             }
             _ => Ok(()),
         }
@@ -383,7 +244,7 @@ impl Garbage {
 }
 
 impl Part {
-    const fn kind(self) -> &'static str {
+    pub(super) const fn kind(self) -> &'static str {
         match self {
             Self::Magnet(_) => "magnet",
             Self::Coil(_) => "coil",
@@ -391,7 +252,7 @@ impl Part {
         }
     }
 
-    fn check(self, description: &HardwareDescription) -> Result<(), FaultRefusal> {
+    pub(super) fn check(self, description: &HardwareDescription) -> Result<(), FaultRefusal> {
         let (index, count) = match self {
             Self::Magnet(index) => (index, description.magnets().count().min(MAGNETS_MAX)),
             Self::Coil(index) => (index, description.coils.len().min(COILS_MAX)),
@@ -444,16 +305,5 @@ impl Display for FaultVerb {
             }
             _ => Ok(()),
         }
-    }
-}
-
-impl Display for Fault {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        match (self.target, self.part) {
-            (FaultTarget::Coil | FaultTarget::Frame, Some(part)) => write!(formatter, "{part}")?,
-            (target, Some(part)) => write!(formatter, "{target}, {part}")?,
-            (target, None) => write!(formatter, "{target}")?,
-        }
-        write!(formatter, ": {}", self.verb)
     }
 }

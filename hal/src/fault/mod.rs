@@ -1,13 +1,15 @@
 //! Faults by script: a driver that goes wrong on request, so that a daemon can be seen to answer.
 //!
-//! **Terms.** A *fault* is a *verb* that befalls a *target*, or one *part* of it (a magnet, a coil, a frame), from one moment to
-//! another. A *plan* is a file of faults with their times, counted from the driver's start; others come on request. The
-//! *injector* makes them happen. It sits on the driver's own side: between the driver and its channels, and between
-//! its guard and its amplifiers. So the same verbs work on any driver that uses [`crate::channels::DriverEnd`] or
-//! [`crate::scripted::Loopback`], and what the daemon sees is exactly what a broken driver would send.
+//! **Terms.** A *fault* is a *verb* that befalls a *target*, or one *part* of it (a magnet, a coil, a frame),
+//! from one moment to another. A *plan* is a file of faults with their times, counted from the driver's
+//! start; others come on request. The *injector* makes them happen. It sits on the driver's own side: between
+//! the driver and its channels, and between its guard and its amplifiers. So the same verbs work on any
+//! driver that uses [`crate::channels::DriverEnd`] or [`crate::scripted::Loopback`], and what the daemon sees
+//! is exactly what a broken driver would send.
 //!
-//! **Gate.** Nothing of this exists in a driver that was not given an [`Injector`], and a driver takes one only when
-//! its user says so (`magsteer sim-plant --allow-faults`): then alone does the service for requests exist.
+//! **Gate.** Nothing of this exists in a driver that was not given an [`Injector`], and a driver takes one
+//! only when its user says so (`magsteer sim-plant --allow-faults`): then alone does the service for requests
+//! exist.
 //!
 //! # Messages: poses and feedback
 //!
@@ -24,7 +26,8 @@
 //! | `wrong-epoch` | `epoch` | `other`: one other epoch, as after a restart; `every-message`: another with each | - |
 //! | `wrong-version` | | a layout version that nobody speaks | - |
 //!
-//! Feedback includes the driver's state, its echo of commands and its counts: when it is stuck or delayed, so are they.
+//! Feedback includes the driver's state, its echo of commands and its counts: when it is stuck or delayed, so
+//! are they.
 //!
 //! # Actuators
 //!
@@ -41,19 +44,22 @@
 //! | `wrong-epoch` | before the guard | `other`: the epoch of a former holder, one less; `every-message`: one less each time | - |
 //! | `wrong-version` | before the guard | a layout version that nobody speaks | - |
 //!
-//! Coils may be real. Whatever acts, set points stay within the rig's limits on current, slew, angle and speed. An order to
-//! cut passes both stages untouched, at once. And where nobody holds authority, zero passes too, within slew: a fault may
-//! keep a daemon from ramping down, which must then cut, but it keeps no current in the coils of a rig that nobody commands.
+//! Coils may be real. Whatever acts, set points stay within the rig's limits on current, slew, angle and
+//! speed. An order to cut passes both stages untouched, at once. And where nobody holds authority, zero
+//! passes too, within slew: a fault may keep a daemon from ramping down, which must then cut, but it keeps no
+//! current in the coils of a rig that nobody commands.
 //!
 //! # Coils and frames
 //!
-//! `open`, `shorted` (`turns_fraction`) and `stuck-amplifier` befall a `coil`, `stalled` a `frame`: physical conditions, which
-//! only a simulated plant can have on request ([`Reach::Plant`]). Other drivers refuse them.
+//! `open`, `shorted` (`turns_fraction`) and `stuck-amplifier` befall a `coil`, `stalled` a `frame`: physical
+//! conditions, which only a simulated plant can have on request ([`Reach::Plant`]). Other drivers refuse
+//! them.
 //!
-//! **Method.** All storage is made at construction; what is delayed stands in lines of bounded length. Several faults of one target
-//! act together, in the order in which they were given. What is random comes from the driver's seed.
-//! What is absent: a clock, a channel, an allocation after construction, a log.
+//! **Method.** All storage is made at construction; what is delayed stands in lines of bounded length.
+//! Several faults of one target act together, in the order in which they were given. What is random comes
+//! from the driver's seed. What is absent: a clock, a channel, an allocation after construction, a log.
 
+mod checked;
 mod commands;
 mod conditions;
 mod config;
@@ -69,12 +75,13 @@ mod stream;
 #[cfg(test)]
 mod tests;
 
+pub use checked::{Fault, FaultRefusal};
 pub use conditions::ConditionChange;
 pub use config::{FaultConfig, FaultPlanConfig, VerbName};
 pub use injector::{FaultCounts, Injector};
 pub use kinds::{
-    Condition, DELAY_MAX, DELAY_MIN, EpochChange, Fault, FaultRefusal, FaultTarget, FaultVerb, Garbage,
-    PERIOD_MAX, PERIOD_MIN, Part, RATE_MAX, RATE_MIN, Reach, TIME_MAX, verbs_of,
+    Condition, DELAY_MAX, DELAY_MIN, EpochChange, FaultTarget, FaultVerb, Garbage, PERIOD_MAX, PERIOD_MIN,
+    Part, RATE_MAX, RATE_MIN, Reach, SHORTED_MAX, TIME_MAX, verbs_of,
 };
 pub use plan::{FaultPlan, Scheduled};
 pub use request::{FaultAnswer, FaultRequest, action, refusal_text};

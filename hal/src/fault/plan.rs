@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::kinds::{Fault, Reach};
+use super::checked::Fault;
+use super::kinds::Reach;
 
 /// A fault and when it acts, counted from the driver's start.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,10 +9,9 @@ use iceoryx2::prelude::ZeroCopySend;
 use crate::description::HardwareDescription;
 use crate::time::Stamp;
 
+use super::checked::{Fault, FaultRefusal};
 use super::injector::Injector;
-use super::kinds::{
-    Condition, EpochChange, Fault, FaultRefusal, FaultTarget, FaultVerb, Garbage, Part, Reach, TIME_MAX,
-};
+use super::kinds::{Condition, EpochChange, FaultTarget, FaultVerb, Garbage, Part, Reach, TIME_MAX};
 
 /// What a [`FaultRequest`] asks for; the codes of [`FaultRequest::action`].
 pub mod action {
@@ -35,8 +34,8 @@ pub struct FaultRequest {
     pub part: u32,
     /// Which magnet, coil or frame.
     pub index: u32,
-    /// Off 1, stuck 2, garbage 3, slow 4, delayed 5, intermittent 6, repeated 7, backward 8, wrong epoch 9, wrong version 10,
-    /// open 11, shorted 12, stuck amplifier 13, stalled 14.
+    /// Off 1, stuck 2, garbage 3, slow 4, delayed 5, intermittent 6, repeated 7, backward 8, wrong epoch 9,
+    /// wrong version 10, open 11, shorted 12, stuck amplifier 13, stalled 14.
     pub verb: u32,
     /// Of garbage: nan 1, huge 2, quaternion 3, random 4. Of wrong epoch: other 1, every message 2.
     pub kind: u32,

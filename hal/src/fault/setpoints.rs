@@ -1,10 +1,10 @@
 //! Faults between the guard and the amplifiers and motors.
 //!
-//! What goes out is within the rig's limits on current, slew, angle and speed whatever the faults ask for: each step
-//! moves from the former output towards what they want by no more than the limits allow. Two set points pass
-//! untouched: [`Setpoint::Disable`] at once, and the zero of [`Setpoint::Idle`], when nobody holds authority, within
-//! slew. So a fault may keep a holder of authority from stopping the coils, who must then cut; but it
-//! never keeps current in the coils of a rig that nobody commands.
+//! What goes out is within the rig's limits on current, slew, angle and speed whatever the faults ask for:
+//! each step moves from the former output towards what they want by no more than the limits allow. Two set
+//! points pass untouched: [`Setpoint::Disable`] at once, and the zero of [`Setpoint::Idle`], when nobody
+//! holds authority, within slew. So a fault may keep a holder of authority from stopping the coils, who must
+//! then cut; but it never keeps current in the coils of a rig that nobody commands.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
@@ -14,9 +14,10 @@ use crate::limits::{between, usable_period};
 use crate::message::{Actuation, COILS_MAX};
 use crate::seeded::Seeded;
 
+use super::checked::{Fault, FaultRefusal};
 use super::content::Possible;
 use super::history::History;
-use super::kinds::{Fault, FaultRefusal, FaultTarget, FaultVerb, Part};
+use super::kinds::{FaultTarget, FaultVerb, Part};
 use super::plan::Scheduled;
 use super::slots::{Events, Memory, Slots, is_off};
 

@@ -5,7 +5,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use super::kinds::{Fault, FaultRefusal};
+use super::checked::{Fault, FaultRefusal};
 use super::plan::Scheduled;
 
 /// Most faults of one target that may wait or act at a time.
@@ -97,8 +97,8 @@ impl<M: Memory> Slots<M> {
         Ok(())
     }
 
-    /// Lets faults begin and end; those that are over are forgotten. One that is both within a single step is told of
-    /// all the same.
+    /// Lets faults begin and end; those that are over are forgotten. One that is both within a single step is
+    /// told of all the same.
     pub(super) fn update(&mut self, now: Duration, events: &mut Events) {
         self.slots.retain_mut(|slot| {
             let Scheduled { fault, from, lasts } = slot.scheduled;
@@ -138,7 +138,8 @@ impl<M: Memory> Slots<M> {
 
 /// Whether an intermittent fault that remembers its begin is off now.
 pub(super) fn is_off(since_begin: Duration, period: Duration, off_fraction: f64) -> bool {
-    // A period is at least some milliseconds: checked where faults are made. Whole nanoseconds, so that phases are exact.
+    // A period is at least some milliseconds: checked where faults are made. Whole nanoseconds, so that
+    // phases are exact.
     let phase = since_begin.as_nanos() % period.as_nanos().max(1);
     (phase as f64) < off_fraction * period.as_nanos() as f64
 }

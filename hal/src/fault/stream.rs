@@ -1,8 +1,9 @@
 //! Faults of published messages: poses or feedback.
 //!
-//! A message passes three stages: *flow* decides whether and when one goes out (off, intermittent, slow, delayed),
-//! *content* what is in it (stuck, garbage, and whatever befalls a single part), *header* what stands over it
-//! (repeated, backward, epoch, version). Within a stage faults act in the order in which they were given.
+//! A message passes three stages: *flow* decides whether and when one goes out (off, intermittent, slow,
+//! delayed), *content* what is in it (stuck, garbage, and whatever befalls a single part), *header* what
+//! stands over it (repeated, backward, epoch, version). Within a stage faults act in the order in which they
+//! were given.
 
 use std::time::Duration;
 
@@ -11,9 +12,10 @@ use crate::seeded::Seeded;
 use crate::send::HeaderWriter;
 use crate::time::Stamp;
 
+use super::checked::{Fault, FaultRefusal};
 use super::content::{Content, Possible};
 use super::history::History;
-use super::kinds::{EpochChange, Fault, FaultRefusal, FaultVerb};
+use super::kinds::{EpochChange, FaultVerb};
 use super::plan::Scheduled;
 use super::slots::{Events, Memory, Slots, is_off};
 

@@ -10,8 +10,8 @@ use crate::receive::{FeedbackReceiver, PoseReceiver};
 use crate::send::{CommandWriter, HeaderWriter};
 use crate::time::Stamp;
 
-/// Writes the headers on the driver's side, checks messages on the daemon's, and lets a test put messages of its own
-/// between, or faults.
+/// Writes the headers on the driver's side, checks messages on the daemon's, and lets a test put messages of
+/// its own between, or faults.
 #[derive(Debug, Clone)]
 pub struct Loopback {
     pose_header: HeaderWriter,

@@ -62,8 +62,10 @@ impl PlantConfig {
         self.check(description, &mut checks);
         let couplings = couplings(&self.coupling, description, &mut checks);
         let coil_truths = field::truths(&self.field, description, &mut checks);
-        let sensor = self.sensors.get(&self.sensor).map(SensorConfig::character).unwrap_or_default();
-        let sensor = checks.into_result(sensor)?;
+        // One that is not there has been refused.
+        let Some(sensor) = checks.into_result(self.sensors.get(&self.sensor))? else {
+            return Err(Vec::new());
+        };
         let settings = Settings {
             seed: self.seed,
             step: Duration::from_micros(self.step_us),
@@ -71,22 +73,25 @@ impl PlantConfig {
             actuation: self.actuation(couplings, description),
             coil_truths,
             errors: self.errors.magnitudes(),
-            sensor,
+            sensor: sensor.settings(),
         };
         Plant::new(description, &settings).map_err(|error| {
-            let (value, expected) = match error {
-                PlantError::Weightless => {
-                    ("a manipulator of 0 kg", "given one with mass: a dynamic rod without any has no motion")
-                }
-                PlantError::NoRest => {
-                    ("a manipulator without rest", "given one that comes to rest under its own weight")
+            let (key, value, expected) = match error {
+                PlantError::Weightless => (
+                    "plant.rod",
+                    "a manipulator of 0 kg".to_owned(),
+                    "given one with mass: a dynamic rod without any has no motion",
+                ),
+                PlantError::NoRest => (
+                    "plant.rod",
+                    "a manipulator without rest".to_owned(),
+                    "given one that comes to rest under its own weight",
+                ),
+                PlantError::Sensor(error) => {
+                    ("plant.sensor", error.to_string(), "a sensor that can reconstruct the manipulator")
                 }
             };
-            vec![Invalid {
-                key: "plant.rod".to_owned(),
-                value: value.to_owned(),
-                expected: expected.to_owned(),
-            }]
+            vec![Invalid { key: key.to_owned(), value, expected: expected.to_owned() }]
         })
     }
 
@@ -121,7 +126,8 @@ impl PlantConfig {
         self.driver.check(&Watched { description, amplifier, motor, winding, step_us: *step_us }, checks);
         self.errors.check(checks);
         for (name, sensor) in &self.sensors {
-            sensor.check(&format!("plant.sensors.{name}"), self.step_us, checks);
+            let key = format!("plant.sensors.{name}");
+            sensor.check(&key, self.step_us, &description.manipulator, checks);
         }
         self.real_time.check(self.step_us, checks);
     }

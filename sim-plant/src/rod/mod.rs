@@ -30,6 +30,7 @@
 
 mod balance;
 mod block_tridiagonal;
+mod centreline;
 mod chain;
 mod contact;
 mod dynamics;

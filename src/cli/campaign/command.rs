@@ -234,6 +234,9 @@ impl Campaign {
         if let Some(path) = self.earlier() {
             check_same(path, &read_manifest(path)?, identity)?;
             recorded = read_rows(path, columns)?.remove(&run);
+            if recorded.is_none() {
+                output::note(format_args!("{}: has no run {run} to compare with", path.display()));
+            }
         }
         let stop = Arc::new(StopFlag::new());
         let played = watching(&stop, false, || (), || runner.play(run, || stop.requested().is_some()))??;

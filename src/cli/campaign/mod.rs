@@ -13,7 +13,6 @@
 //! | `command` | the subcommand: start, resume, replay |
 //! | `plants` | draws plants and builds them |
 //! | `runner` | plays one run |
-//! | `digest` | a run in 64 bits |
 //! | `row` | what a run came to, as a line of a table |
 //! | `folder` | the files of a campaign |
 //! | `pool` | all runs, over all cores |
@@ -22,7 +21,6 @@
 //! | `pictures` | the same, drawn |
 
 mod command;
-mod digest;
 mod folder;
 #[cfg(feature = "figures")]
 mod pictures;

@@ -5,21 +5,22 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use anyhow::Context;
 use magsteer::daemon::StopFlag;
 use rayon::ThreadPoolBuilder;
 use rayon::iter::{ParallelBridge, ParallelIterator};
+use rustix::time::{ClockId, clock_gettime};
 
 use super::row::RunRow;
 use super::runner::Runner;
 
-/// A run that is done, and how long it took.
+/// A run that is done, and what it cost.
 pub struct Done {
     /// What it came to.
     pub row: RunRow,
-    /// Time that it took.
+    /// Processor time that it took: what other programs took meanwhile is not in it.
     pub took: Duration,
 }
 
@@ -47,9 +48,11 @@ pub fn play_all(
                 runs.into_iter().take_while(|_| !is_over()).par_bridge().for_each_with(
                     sender,
                     |sender, run| {
-                        let begin = Instant::now();
+                        let begin = processor_time();
                         let played = runner.play(run, is_over).transpose();
-                        let done = played.map(|row| row.map(|row| Done { row, took: begin.elapsed() }));
+                        let done = played.map(|row| {
+                            row.map(|row| Done { row, took: processor_time().saturating_sub(begin) })
+                        });
                         // Nobody listens any more when something has failed.
                         done.into_iter().for_each(|done| drop(sender.send(done)));
                     },
@@ -64,4 +67,9 @@ pub fn play_all(
         drop(receiver);
         result
     })
+}
+
+/// Processor time that this thread took so far.
+fn processor_time() -> Duration {
+    Duration::try_from(clock_gettime(ClockId::ThreadCPUTime)).unwrap_or_default()
 }

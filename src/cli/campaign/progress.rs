@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
 use crate::cli::output;
 
@@ -12,7 +12,7 @@ const TICK: Duration = Duration::from_millis(500);
 /// How often a line is written where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(30);
 /// No colour, so that there is nothing for `NO_COLOR` to take away.
-const TEMPLATE: &str = "[{bar:28}] {pos}/{len} runs, {eta} left, {msg}";
+const TEMPLATE: &str = "[{bar:28}] {pos}/{len} runs{msg}";
 
 /// Progress of a campaign on standard error.
 pub struct Progress {
@@ -34,7 +34,6 @@ impl Progress {
             if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {
                 bar.set_style(style.progress_chars("=> "));
             }
-            bar.reset_eta();
             bar.enable_steady_tick(TICK);
             bar
         });
@@ -47,19 +46,17 @@ impl Progress {
         self.done += 1;
         self.settled += u64::from(settled);
         let share = 100.0 * self.settled as f64 / self.done as f64;
+        let pace = self.begin.elapsed().as_secs_f64() / (self.done - self.done_before) as f64;
+        let left = Duration::from_secs_f64(pace * self.wanted.saturating_sub(self.done) as f64);
+        let words = format!("{} left, settled {share:.1} %", HumanDuration(left));
         match &self.bar {
             Some(bar) => {
-                bar.set_message(format!("settled {share:.1} %"));
+                bar.set_message(format!(", {words}"));
                 bar.set_position(self.done);
             }
             None if self.told.elapsed() >= LINE_EVERY && self.done < self.wanted => {
                 self.told = Instant::now();
-                let pace = self.begin.elapsed().as_secs_f64() / (self.done - self.done_before) as f64;
-                let left = pace * (self.wanted - self.done) as f64;
-                output::note(format_args!(
-                    "{} of {} runs, {left:.0} s left, settled {share:.1} %",
-                    self.done, self.wanted
-                ));
+                output::note(format_args!("{} of {} runs, {words}", self.done, self.wanted));
             }
             None => {}
         }

@@ -51,7 +51,7 @@ pub struct RunRow {
     pub steps_outside_field_model: u64,
     /// Time simulated.
     pub simulated_s: f64,
-    /// [`super::digest::RunDigest`] of it.
+    /// [`magsteer::daemon::RunDigest`] of it.
     pub digest: String,
 }
 

@@ -6,15 +6,14 @@ use std::ops::ControlFlow;
 use anyhow::anyhow;
 use magsteer::config::{Config, Document, Experiment, Problems};
 use magsteer::control::{ControlConfig, Cycle};
-use magsteer::daemon::DaemonConfig;
 use magsteer::daemon::lockstep::{Lockstep, LockstepPlay, PlayEnd, Seen, TimedTarget};
+use magsteer::daemon::{DaemonConfig, RunDigest};
 use magsteer::math::angle_between;
 use magsteer::rod::Manipulator;
 use magsteer_hal::operator::state;
 use magsteer_sim_plant::SimulatedRig;
 use nalgebra::Vector3;
 
-use super::digest::RunDigest;
 use super::plants::{Drawn, Plants};
 use super::row::{Columns, RunRow, values};
 use crate::cli::exit::{Exit, Failure};

@@ -32,7 +32,7 @@ pub struct Summary {
     pub elapsed_s: f64,
     /// Time simulated in this session over the time that it took.
     pub real_time_factor: f64,
-    /// The same of one core: over the time that its runs took, added up.
+    /// The same of one core that it has to itself: over the processor time of the runs.
     pub real_time_factor_per_core: f64,
     /// Cores used.
     pub threads: usize,
@@ -96,7 +96,7 @@ pub struct Session {
     pub runs: u64,
     /// Time simulated, s.
     pub simulated: f64,
-    /// Time that its runs took, added up.
+    /// Processor time that its runs took.
     pub busy: Duration,
     /// Time from begin to end.
     pub elapsed: Duration,
@@ -227,7 +227,7 @@ impl Summary {
         }
         if self.runs_in_session > 0 {
             text += &format!(
-                "{:<22}{} runs in {:.1} s on {} threads: {:.1} times real time, {:.1} times on one core\n",
+                "{:<22}{} runs in {:.1} s on {} threads: {:.1} times real time, {:.1} times by the processor time of one core\n",
                 "speed",
                 self.runs_in_session,
                 self.elapsed_s,

@@ -14,7 +14,8 @@ use crate::cli::{output, shipped};
 
 /// Field and gradient at a point.
 ///
-/// Ends with 0, or with 1 when the point lies outside the range of a coil's field model: then the numbers mean nothing.
+/// Ends with 0, or with 1 when the point lies outside the range of a coil's field model: then the numbers
+/// mean nothing.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  magsteer field at 0.02 0.01 -0.015 --currents 2,-1,0,0,1.5,0 --angles-deg 30,-45 --json"

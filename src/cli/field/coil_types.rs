@@ -1,8 +1,9 @@
 //! Fitted coefficients as a TOML file that a configuration can use.
 //!
-//! For one coil: `[coil_types.NAME]` with the two keys that a fit knows. Tables merge key by key, so that the file may extend a configuration that
-//! has the type, be extended by one, or be pasted into one. For an array: each coil gets a type of its own, with the circuit of
-//! the type it had. Expansion points that moved change `distance_mm`; arrays replace as a whole, so that all coils are written.
+//! For one coil: `[coil_types.NAME]` with the two keys that a fit knows. Tables merge key by key, so that the
+//! file may extend a configuration that has the type, be extended by one, or be pasted into one. For an
+//! array: each coil gets a type of its own, with the circuit of the type it had. Expansion points that moved
+//! change `distance_mm`; arrays replace as a whole, so that all coils are written.
 
 use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};

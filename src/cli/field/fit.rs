@@ -23,12 +23,15 @@ use crate::cli::actuation::{ActuationArgs, finite};
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::output;
 
+/// A fit that leaves more than this part of the field is no model of it.
+const LEFT_MAX: f64 = 0.2;
+
 /// Coefficients of the coils' field from measurements.
 ///
-/// Reads one coil's grid (header x_mm,y_mm,z_mm,current_a,bx_mt,by_mt,bz_mt; the coil's frame: x along its axis, its face at 0)
-/// or the calibration of an array (px,py,pz,i0,...,iN,bx,by,bz; m, A, T; world; coils in the order of `--config`).
-/// All orders from 1 to 10 are fitted and held against readings that were left out. Ends with 0; 65 when the data are
-/// refused, with line, column, value and what would be right.
+/// Reads one coil's grid (header x_mm,y_mm,z_mm,current_a,bx_mt,by_mt,bz_mt; the coil's frame: x along its
+/// axis, its face at 0) or the calibration of an array (px,py,pz,i0,...,iN,bx,by,bz; m, A, T; world; coils in
+/// the order of `--config`). All orders from 1 to 10 are fitted and held against readings that were left out.
+/// Ends with 0; 65 when the data are refused, with line, column, value and what would be right.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  magsteer field fit tests/reference/coil_grid.csv\n  \
     magsteer field fit grid.csv --config config/bigmag-planar.toml --coil-type air --out my-rig.toml --picture fit.png\n  \
@@ -42,11 +45,12 @@ pub struct Fit {
     /// Rig whose coils were measured. An array's file needs it; for one coil it says what `--out` extends.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Angle of each frame while an array was measured, deg, in the order of the configuration; all zero when left out.
+    /// Angle of each frame while an array was measured, deg, in the order of the configuration; all zero when
+    /// left out.
     #[arg(long, value_name = "DEG,DEG,...", value_delimiter = ',', allow_hyphen_values = true, value_parser = finite)]
     angles_deg: Option<Vec<f64>>,
-    /// Number of terms, 1 to 10, or auto: the lowest that foretells left-out readings as well as the best one, to one
-    /// standard error.
+    /// Number of terms, 1 to 10, or auto: the lowest that foretells left-out readings as well as the best
+    /// one, to two standard errors.
     #[arg(long, value_name = "N|auto", default_value = "auto")]
     order: Order,
     /// Also fit where on its axis each expansion point is.
@@ -119,6 +123,7 @@ impl Fit {
         };
         let found = fit(&subject.poses, &subject.readings.readings, &request)
             .map_err(|error| self.refuse(explain(&error, &subject)))?;
+        self.warn(&subject, &found);
         let mut files = Vec::new();
         if let (Some(out), Some(names)) = (&self.out, &names) {
             let text = coil_types::text(&subject, &found, names, &request)
@@ -133,6 +138,21 @@ impl Fit {
         }
         self.print(&subject, &found, &request, &files)?;
         Ok(Exit::Success)
+    }
+
+    /// Says so when the coils, as placed, do not explain what was measured.
+    fn warn(&self, subject: &Subject, found: &FieldFit) {
+        let readings = &subject.readings.readings;
+        let squares: f64 = readings.iter().map(|reading| reading.field.norm_squared()).sum();
+        let left = found.rms_norm / (squares / readings.len() as f64).sqrt();
+        if left > LEFT_MAX {
+            output::note(format_args!(
+                "note: {}: the fit leaves {:.0} % of the measured field: are the coils, their frames' angles, the axes and \
+                signs those of the measurement?",
+                self.data.display(),
+                100.0 * left
+            ));
+        }
     }
 
     /// Reads the data and the rig.

@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use super::fit::Subject;
 
-/// The stable keys are `order`, `coefficients`, `origin_m`, `rms_norm_mt` and `orders` with `order`, `rms_norm_mt` and
-/// `holdout_rms_norm_mt`.
+/// The stable keys are `order`, `coefficients`, `origin_m`, `rms_norm_mt` and `orders` with `order`,
+/// `rms_norm_mt` and `holdout_rms_norm_mt`.
 #[derive(Serialize)]
 pub(super) struct Answer {
     order: usize,
@@ -132,13 +132,15 @@ impl Answer {
         text += &self.scan();
         text += &match request.order {
             OrderChoice::Auto => format!(
-                "\norder {}: the lowest that foretells left-out readings as well as the best, to one standard error\n",
+                "\norder {}: the lowest that foretells left-out readings as well as the best, to two standard errors\n",
                 found.order
             ),
             OrderChoice::Exactly(order) => format!("\norder {order}, as asked for\n"),
         };
-        for UndeterminedAnswer { order, reason } in &self.undetermined {
-            text += &format!("order {order} is left out: {reason}\n");
+        let left_out: Vec<String> = self.undetermined.iter().map(|answer| answer.order.to_string()).collect();
+        if !left_out.is_empty() {
+            text +=
+                &format!("the readings do not determine order {} (--json says why)\n", left_out.join(", "));
         }
         text += &format!(
             "noise of one component {:.4} mT; condition of the scaled covariance {:.1e}\n",

@@ -7,7 +7,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::fixtures::{Rig, any_size, numbers, seeded};
 use crate::control::{
-    AllocationKind, Cycle, CycleInput, CycleOutcome, Directions, FrameUse, OrientationErrorKind, Step,
+    AllocationKind, Cycle, CycleInput, CycleOutcome, Directions, FrameUse, JacobianKind,
+    OrientationErrorKind, PoseSource, Step,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -146,11 +147,17 @@ fn hostile_inputs_never_panic_and_always_give_usable_requests() {
     let mut rig = Rig::shipped();
     let mut random = seeded(2);
     let options = [
-        (AllocationKind::Bounded, OrientationErrorKind::TangentPlane),
-        (AllocationKind::TruncatedSvd, OrientationErrorKind::AxisAngle),
+        (AllocationKind::Bounded, OrientationErrorKind::TangentPlane, JacobianKind::Exact),
+        (AllocationKind::TruncatedSvd, OrientationErrorKind::AxisAngle, JacobianKind::Exact),
+        (AllocationKind::Bounded, OrientationErrorKind::TangentPlane, JacobianKind::Algorithm1),
+        (AllocationKind::TruncatedSvd, OrientationErrorKind::AxisAngle, JacobianKind::Algorithm1),
     ];
-    for (allocation, error) in options {
+    for (allocation, error, jacobian) in options {
         (rig.control.allocation, rig.control.orientation_error) = (allocation, error);
+        rig.control.jacobian = jacobian;
+        if let Some(algorithm_1) = &mut rig.control.algorithm_1 {
+            algorithm_1.magnet_poses = PoseSource::Measured;
+        }
         (rig.control.frame_angles, rig.control.integral_per_s2) = (FrameUse::Steer, 2.0);
         let mut cycle = cycle(&rig);
         let (mut moved, mut astray) = (0, 0);
@@ -169,7 +176,7 @@ fn hostile_inputs_never_panic_and_always_give_usable_requests() {
             moved += u32::from(outcome.request != input.admitted);
             astray += u32::from(!outcome.model.converged);
         }
-        println!("{allocation:?}: moved in {moved}, model astray in {astray} of 10000");
+        println!("{allocation:?}, {jacobian:?}: moved in {moved}, model astray in {astray} of 10000");
         assert!(moved > 2000 && astray > 2000);
         let sane = input(planar([110.0, 115.0]), planar([80.0, 90.0]));
         cycle.step(&CycleInput { engaged: false, ..sane });

@@ -9,14 +9,15 @@
 //! | `x_j`, `e_j`, `G_j` | origin of coil j along its axis; the axis; gradient of its field for 1 A |
 //!
 //! # Method
-//! `sum_jk I_ij grad psi_k(p_i - x_j e_j) a_jk = b_i`: with the currents inside, the coefficients come out per ampere, as eq. (6) wants them, and
-//! readings at several currents carry weight by their current. Moving the expansion point by `dx_j` changes the field by
-//! `-I_ij G_j e_j dx_j`; these columns stand past the coefficients where origins are fitted.
+//! `sum_jk I_ij grad psi_k(p_i - x_j e_j) a_jk = b_i`: with the currents inside, the coefficients come out
+//! per ampere, as eq. (6) wants them, and readings at several currents carry weight by their current. Moving
+//! the expansion point by `dx_j` changes the field by `-I_ij G_j e_j dx_j`; these columns stand past the
+//! coefficients where origins are fitted.
 
+use magsteer_hal::config::ORDER_MAX;
 use nalgebra::{DMatrix, Vector3};
 
 use crate::magnetics::multipole::{CoilPose, Multipole};
-use magsteer_hal::config::ORDER_MAX;
 
 use super::readings::Reading;
 
@@ -30,8 +31,8 @@ pub(super) fn all_moved(poses: &[CoilPose], origins: &[f64]) -> Vec<CoilPose> {
     poses.iter().zip(origins).map(|(pose, origin)| moved(pose, *origin)).collect()
 }
 
-/// `[A b]`: three rows a reading; columns by coil, then by term; then, given the series found so far, one column a coil
-/// for its origin; the measured field last.
+/// `[A b]`: three rows a reading; columns by coil, then by term; then, given the series found so far, one
+/// column a coil for its origin; the measured field last.
 pub(super) fn rows(
     readings: &[&Reading],
     poses: &[CoilPose],

@@ -1,13 +1,14 @@
 //! Where along their axes the coils' expansion points are.
 //!
 //! # Method
-//! The coefficients are linear, the origins are not. For given origins the coefficients follow (5); the least squares of
-//! coefficients and origins together, linearised about them, gives the origins' step (variable projection after Kaufman,
-//! BIT 15, 1975), halved until it descends. One coil's search starts at the best of a row of origins, so that it ends in the deepest
-//! valley; an array's, which has too many rows to try, at the poses given.
+//! The coefficients are linear, the origins are not. For given origins the coefficients follow (5); the least
+//! squares of coefficients and origins together, linearised about them, gives the origins' step (variable
+//! projection after Kaufman, BIT 15, 1975), halved until it descends. One coil's search starts in every
+//! valley of a row of origins and keeps the deepest end; an array's, which would have too many rows to try,
+//! starts at the poses given.
 //!
-//! To first order, moving the expansion point of a series of order P adds one term of order P + 1. An origin is therefore as
-//! hard to find as one more order, and cannot be found where that term is lost in the noise.
+//! To first order, moving the expansion point of a series of order P adds one term of order P + 1. An origin
+//! is therefore as hard to find as one more order, and cannot be found where that term is lost in the noise.
 
 use nalgebra::DVector;
 
@@ -24,8 +25,8 @@ const ORIGIN_MAX: f64 = 0.05;
 const START_STEP: f64 = 0.002;
 /// No reading is let nearer to an expansion point than this, m: the series has a pole there.
 const CLEARANCE: f64 = 0.005;
-const ITERATIONS_MAX: usize = 60;
-const HALVINGS_MAX: usize = 30;
+const ITERATIONS_MAX: usize = 40;
+const HALVINGS_MAX: usize = 12;
 /// Steps shorter than this end the search, m.
 const STEP_DONE: f64 = 1e-10;
 /// A step that no longer descends may be this long, m, when rounding is to blame.
@@ -70,13 +71,36 @@ pub(super) fn series(solution: &DVector<f64>, coils: usize, order: usize) -> Vec
 /// # Errors
 /// Origins or coefficients that the readings do not determine.
 pub(super) fn settle(readings: &[&Reading], poses: &[CoilPose], order: usize) -> Result<Vec<f64>, FitError> {
-    let mut origins = start(readings, poses, order)?;
+    let mut best: Option<(f64, Vec<f64>)> = None;
+    let mut refused = None;
+    for start in starts(readings, poses, order)? {
+        match descend(readings, poses, order, start) {
+            Ok((squares, origins)) if best.as_ref().is_none_or(|(least, _)| squares < *least) => {
+                best = Some((squares, origins));
+            }
+            Ok(_) => {}
+            Err(error) => refused = refused.or(Some(error)),
+        }
+    }
+    let reason = "every expansion point within 50 mm lies at a reading";
+    let nowhere = FitError::OriginUndetermined { order, coil: 0, reason };
+    best.map(|(_, origins)| origins).ok_or(refused.unwrap_or(nowhere))
+}
+
+/// Follows one valley down; returns the sum of squares at its bottom and the origins there.
+fn descend(
+    readings: &[&Reading],
+    poses: &[CoilPose],
+    order: usize,
+    start: Vec<f64>,
+) -> Result<(f64, Vec<f64>), FitError> {
+    let mut origins = start;
     let mut found = linear(readings, &all_moved(poses, &origins), order)?;
     for _ in 0..ITERATIONS_MAX {
         let step = step(readings, poses, order, &origins, &found)?;
         let longest = step.iter().fold(0.0_f64, |most, by| most.max(by.abs()));
         if longest < STEP_DONE {
-            return Ok(origins);
+            return Ok((found.squares, origins));
         }
         let mut scale = (ORIGIN_MAX / 4.0 / longest).min(1.0);
         let mut descended = None;
@@ -94,7 +118,7 @@ pub(super) fn settle(readings: &[&Reading], poses: &[CoilPose], order: usize) ->
         }
         match descended {
             Some((tried, linear)) => (origins, found) = (tried, linear),
-            None if longest < STEP_ROUNDING => return Ok(origins),
+            None if longest < STEP_ROUNDING => return Ok((found.squares, origins)),
             None => return Err(lost(&step, order, "the search found no valley")),
         }
         if let Some(coil) = origins.iter().position(|origin| origin.abs() > ORIGIN_MAX) {
@@ -116,26 +140,26 @@ fn lost(step: &[f64], order: usize, reason: &'static str) -> FitError {
     FitError::OriginUndetermined { order, coil: far.0, reason }
 }
 
-/// One coil: the best of a row of origins. An array: where the poses are.
-fn start(readings: &[&Reading], poses: &[CoilPose], order: usize) -> Result<Vec<f64>, FitError> {
+/// One coil: the lowest of each valley in a row of origins. An array: where the poses are.
+fn starts(readings: &[&Reading], poses: &[CoilPose], order: usize) -> Result<Vec<Vec<f64>>, FitError> {
     if poses.len() != 1 {
-        return Ok(vec![0.0; poses.len()]);
+        return Ok(vec![vec![0.0; poses.len()]]);
     }
     let steps = (ORIGIN_MAX / START_STEP).round() as i32;
-    let mut best: Option<(f64, f64)> = None;
+    let mut row = Vec::new();
     for index in -steps..=steps {
         let origin = f64::from(index) * START_STEP;
         let moved = all_moved(poses, &[origin]);
-        if !is_clear(readings, &moved) {
-            continue;
-        }
-        let squares = linear(readings, &moved, order)?.squares;
-        if best.is_none_or(|(least, _)| squares < least) {
-            best = Some((squares, origin));
+        if is_clear(readings, &moved) {
+            row.push((linear(readings, &moved, order)?.squares, origin));
         }
     }
-    let reason = "every expansion point within 50 mm lies at a reading";
-    best.map(|(_, origin)| vec![origin]).ok_or(FitError::OriginUndetermined { order, coil: 0, reason })
+    let is_lowest = |index: usize| {
+        let (before, after) = (index.checked_sub(1), index + 1);
+        let is_below = |other: Option<&(f64, f64)>| other.is_none_or(|(squares, _)| row[index].0 <= *squares);
+        is_below(before.and_then(|before| row.get(before))) && is_below(row.get(after))
+    };
+    Ok((0..row.len()).filter(|index| is_lowest(*index)).map(|index| vec![row[index].1]).collect())
 }
 
 fn is_clear(readings: &[&Reading], poses: &[CoilPose]) -> bool {

@@ -1,8 +1,9 @@
 //! Text of a CSV file to readings in SI.
 //!
-//! Two layouts, told apart by the header: one coil on a grid in its own frame ([`COIL_COLUMNS`]; mm, A, mT), and an array in the
-//! world ([`ARRAY_COLUMNS`] with one column a coil, `i0` to `iN`; m, A, T) as electromagnetic-navigation laboratories write it. Columns
-//! may stand in any order. Blank lines and lines that start with `#` are passed over.
+//! Two layouts, told apart by the header: one coil on a grid in its own frame ([`COIL_COLUMNS`]; mm, A, mT),
+//! and an array in the world ([`ARRAY_COLUMNS`] with one column a coil, `i0` to `iN`; m, A, T) as
+//! electromagnetic-navigation laboratories write it. Columns may stand in any order. Blank lines and lines
+//! that start with `#` are passed over.
 
 use nalgebra::Vector3;
 
@@ -70,39 +71,10 @@ struct Columns {
 impl Columns {
     fn new(line: usize, header: &str) -> Result<Self, Refusal> {
         let names: Vec<String> = header.split(',').map(|name| name.trim().to_owned()).collect();
-        let refuse =
-            |column: &str, value: &str, expected: String| Err(Refusal::new(line, column, value, expected));
-        if let Some(name) =
-            names.iter().enumerate().find_map(|(at, name)| names[..at].contains(name).then_some(name))
-        {
-            return refuse(
-                "header",
-                &format!("column {name} twice"),
-                "columns that each stand once".to_owned(),
-            );
-        }
-        let count = |known: &[&str]| names.iter().filter(|name| known.contains(&name.as_str())).count();
-        let layout = match (count(&COIL_COLUMNS), count(&ARRAY_COLUMNS)) {
-            (0, 0) => return refuse("header", &shortened(header), HEADERS.to_owned()),
-            (coil, array) if coil >= array => Layout::OneCoil,
-            _ => Layout::Array,
-        };
-        let current = |name: &str| -> Option<usize> {
-            let digits = name.strip_prefix('i')?;
-            let number = digits.parse().ok()?;
-            // "i01" and "i+1" are numbers, but not names of this layout.
-            (digits == usize::to_string(&number)).then_some(number)
-        };
-        let is_known = |name: &str| match layout {
-            Layout::OneCoil => COIL_COLUMNS.contains(&name),
-            Layout::Array => ARRAY_COLUMNS.contains(&name) || current(name).is_some(),
-        };
-        if let Some(name) = names.iter().find(|name| !is_known(name)) {
-            return refuse("header", &format!("column {name:?}"), format!("one of {HEADERS}"));
-        }
-        let at = |name: &str| match names.iter().position(|found| found == name) {
-            Some(at) => Ok(at),
-            None => Err(Refusal::new(line, "header", format!("no column {name}"), HEADERS)),
+        let layout = layout(line, header, &names)?;
+        let at = |name: &str| {
+            let found = names.iter().position(|found| found == name);
+            found.ok_or_else(|| Refusal::new(line, "header", format!("no column {name}"), HEADERS))
         };
         let three = |names: [&str; 3]| -> Result<[usize; 3], Refusal> {
             Ok([at(names[0])?, at(names[1])?, at(names[2])?])
@@ -114,7 +86,7 @@ impl Columns {
                 three(["bx_mt", "by_mt", "bz_mt"])?,
             ),
             Layout::Array => {
-                let coils = names.iter().filter(|name| current(name).is_some()).count().max(1);
+                let coils = names.iter().filter(|name| is_current(name)).count().max(1);
                 let currents = (0..coils).map(|coil| at(&format!("i{coil}"))).collect::<Result<_, _>>()?;
                 (three(["px", "py", "pz"])?, currents, three(["bx", "by", "bz"])?)
             }
@@ -155,6 +127,36 @@ impl Columns {
             field: three(&self.field, unit)?,
         })
     }
+}
+
+/// The layout that a header means, each name of which it knows and has once.
+fn layout(line: usize, header: &str, names: &[String]) -> Result<Layout, Refusal> {
+    let refuse = |value: String, expected: &str| Err(Refusal::new(line, "header", value, expected));
+    let count = |known: &[&str]| names.iter().filter(|name| known.contains(&name.as_str())).count();
+    let (coil, array) = (count(&COIL_COLUMNS), count(&ARRAY_COLUMNS));
+    if coil == 0 && array == 0 {
+        return refuse(shortened(header), HEADERS);
+    }
+    let layout = if coil >= array { Layout::OneCoil } else { Layout::Array };
+    let is_known = |name: &str| match layout {
+        Layout::OneCoil => COIL_COLUMNS.contains(&name),
+        Layout::Array => ARRAY_COLUMNS.contains(&name) || is_current(name),
+    };
+    for (at, name) in names.iter().enumerate() {
+        if !is_known(name) {
+            return refuse(format!("column {:?}", shortened(name)), &format!("one of {HEADERS}"));
+        }
+        if names[..at].contains(name) {
+            return refuse(format!("column {name} twice"), "columns that each stand once");
+        }
+    }
+    Ok(layout)
+}
+
+/// True for `i0`, `i1` and so on; "i01" and "i+1" are not names of this layout.
+fn is_current(name: &str) -> bool {
+    let number = |digits: &str| digits.parse::<usize>().is_ok_and(|number| number.to_string() == digits);
+    name.strip_prefix('i').is_some_and(number)
 }
 
 /// The start of a text that may be long.

@@ -1,12 +1,13 @@
 //! Units that were mixed up, found before they become coefficients.
 //!
-//! **Problem.** A file in metres under a header in millimetres, or with some rows in tesla among rows in millitesla, is fitted without
-//! complaint and gives coefficients that are wrong by powers of a thousand.
+//! **Problem.** A file in metres under a header in millimetres, or with some rows in tesla among rows in
+//! millitesla, is fitted without complaint and gives coefficients that are wrong by powers of a thousand.
 //!
-//! **Method.** Each reading is refused that no magnet of this kind can give: further than 10 m, more than 10 T, nearer than 1 mm to an expansion point, in
-//! an array further than ten workspace radii from the centre; and a grid no field of which a probe would see. Then each field is held
-//! against an expectation, of the right shape and of unknown size: a dipole for one coil, the configured series for an array. A
-//! reading that is 200 to 5000 times more or less than the others lead to expect is a thousand times off, not wrongly
+//! **Method.** Each reading is refused that no magnet of this kind can give: further than 10 m, more than 10
+//! T, nearer than 1 mm to an expansion point, in an array further than ten workspace radii from the centre;
+//! and a grid no field of which a probe would see. Then each field is held against an expectation, of the
+//! right shape and of unknown size: a dipole for one coil, the configured series for an array. A reading that
+//! is 200 to 5000 times more or less than the others lead to expect is a thousand times off, not wrongly
 //! measured. An array as a whole is held against the configured series in size too.
 
 use nalgebra::Vector3;
@@ -21,6 +22,8 @@ use super::readings::{Layout, Reading, Readings, Refusal};
 const DISTANCE_MAX: f64 = 10.0;
 /// No such magnet has more, T.
 const FIELD_MAX: f64 = 10.0;
+/// No such coil carries more, A.
+const CURRENT_MAX: f64 = 1e4;
 /// A grid with less field everywhere, T, shows nothing to a probe with the resolution of 0.1 mT.
 const FIELD_SEEN: f64 = 1e-4;
 /// Readings nearer to the expansion point of a coil, m, are inside of it.
@@ -73,6 +76,11 @@ impl Checker<'_> {
         }
         if reading.field.norm() > FIELD_MAX {
             return Err(self.field(reading, format!("at most 10 T: in {field}, as the header says?")));
+        }
+        if let Some(coil) = reading.currents.iter().position(|current| current.abs() > CURRENT_MAX) {
+            let (column, value) = (self.readings.current_column(coil), reading.currents[coil]);
+            let expected = "at most 10000 A: milliamperes in place of amperes?";
+            return Err(Refusal::new(reading.line, column, format!("{value:?}"), expected));
         }
         match self.expectation {
             Expectation::Dipole if reading.position.norm() < CLEARANCE => {

@@ -1,16 +1,20 @@
 //! How near to its coil a series may be used.
 //!
-//! **Problem.** A multipole series converges only outside its source. Cut off at order P, fitted in front of the coil and
-//! used nearer to it, it turns over and changes sign without a warning. Where it may be used is part of what it is.
+//! **Problem.** A multipole series converges only outside its source. Cut off at order P, fitted in front of
+//! the coil and used nearer to it, it turns over and changes sign without a warning. Where it may be used is
+//! part of what it is.
 //!
 //! **Method.** From the middle of the measured depth towards the coil, the range ends at the first of
 //! 1. the place where the field on the axis stops growing towards the coil: there the series has turned over;
-//! 2. the place where one of the next three orders, fitted to the same readings, differs by more than a share of the field
-//!    on the axis, at any distance from the axis up to that of the readings; where there is no next order, the previous one;
-//! 3. one coil alone: the far end of the nearest slab of readings in which the fit leaves more than that share, beyond noise.
+//! 2. the place where one of the next three orders, fitted to the same readings, differs by more than a share
+//!    of the field on the axis, at any distance from the axis up to that of the readings; where there is no
+//!    next order, the previous one;
+//! 3. one coil alone: the far end of the nearest slab of readings in which the fit leaves more than that
+//!    share, beyond noise.
 //!
-//! Where none of these is met, it ends at half the nearest reading: nothing was measured there that could bear more.
-//! (1) and (2) are judged on the series alone, so they also hold between the nearest reading and the coil.
+//! Where none of these is met, it ends at half the nearest reading: nothing was measured there that could
+//! bear more. (1) and (2) are judged on the series alone, so they also hold between the nearest reading and
+//! the coil.
 
 use nalgebra::Vector3;
 
@@ -110,7 +114,8 @@ fn difference(series: &(Multipole, f64), other: &(Multipole, f64), x: f64, radiu
     (0..RADII).map(at).map(gap).fold(0.0, f64::max) / field(&at(0)).norm()
 }
 
-/// Far end of the furthest slab whose readings the series misses by more than the share of their field, beyond noise.
+/// Far end of the furthest slab whose readings the series misses by more than the share of their field,
+/// beyond noise.
 fn misfit(comparison: &Comparison<'_>, pose: &CoilPose) -> Option<f64> {
     let local = |reading: &Reading| pose.axis.dot(&(reading.position - pose.origin));
     let mut readings: Vec<&Reading> = comparison.readings.to_vec();

@@ -1,142 +1,45 @@
 //! Every order, how well each foretells readings that it has not seen, and the choice of one.
 //!
 //! # Method
-//! - The readings are brought into one order by their values, so that neither the fit nor the folds depend on the file's.
-//! - *Folds*: reading i belongs to fold i mod 10; each fold is foretold from the other nine. Neighbours of a left-out reading stay in, so
-//!   that folds tell noise from signal, not how far the series carries.
-//! - *Regions*: the readings nearest to the coil, those furthest, those off the plane of the rest, or those of an array's outer shell, are foretold
-//!   from all others. They tell how far the series carries; they are reported and do not choose.
-//! - *Choice*: the lowest order whose mean square over the folds exceeds that of the best by no more than one standard error of the
-//!   difference, taken fold by fold: noise that is in both does not count. Higher orders fit noise, and it is high orders that go
-//!   wrong first outside the measured volume. Differences below a millionth of the field are rounding.
-//! - Where origins are fitted, they are settled for each order by all readings, and left free to first order in each fold.
+//! - The readings are brought into one order by their values, so that neither the fit nor the folds depend on
+//!   the file's.
+//! - *Folds*: reading i belongs to fold i mod 10; each fold is foretold from the other nine. Neighbours of a
+//!   left-out reading stay in, so that folds tell noise from signal, not how far the series carries.
+//! - *Regions*: the readings nearest to the coil, those furthest, those off the plane of the rest, or those
+//!   of an array's outer shell, are foretold from all others. They tell how far the series carries; they are
+//!   reported and do not choose.
+//! - *Choice*: the lowest order whose mean squares exceed those of the best, fold by fold, by no more than
+//!   two standard errors of their ratio's mean logarithm. Noise that is in both does not count; ratios, since
+//!   a series that is too short goes wrong in few places, by much; two errors, since the best of ten is the
+//!   best by luck in part. Higher orders fit noise, and it is high orders that go wrong first outside the
+//!   measured volume. What is below a millionth of the field is rounding.
+//! - Where origins are fitted, they are settled for each order by all readings, and left free to first order
+//!   in each fold.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use magsteer_hal::config::ORDER_MAX;
+use nalgebra::{DMatrix, Vector3};
 
 use crate::magnetics::multipole::{CoilPose, Multipole};
-use magsteer_hal::config::ORDER_MAX;
 
 use super::design::{self, all_moved};
 use super::error::FitError;
+use super::found::{CoilFit, FieldFit, FitRequest, OrderChoice, OrderReport, RegionReport};
 use super::origin;
-use super::range::{self, Comparison, ValidRange};
+use super::range::{self, Comparison};
 use super::readings::Reading;
+use super::regions::regions;
 use super::triangle::Triangle;
 
 /// Parts that are left out in turn.
 const FOLDS: usize = 10;
-/// Share of the measured depth that makes a region.
-const REGION_SHARE: f64 = 0.15;
-/// Mean squares closer than this to each other, relative to that of the field, are alike.
+/// Mean squares below this, relative to that of the field, are rounding.
 const SQUARE_ROUNDING: f64 = 1e-12;
 /// Orders past the chosen one that the range of validity is judged by: one alone may err alike.
 const NEXT_ORDERS: usize = 3;
+/// Standard errors by which an order may be worse than the best and still count as good.
+const ERRORS_MAX: f64 = 2.0;
 /// An origin with a larger standard deviation is not known, m.
 const ORIGIN_DEVIATION_MAX: f64 = 0.01;
-
-/// Which order to give back.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum OrderChoice {
-    /// The lowest that foretells as well as the best.
-    Auto,
-    /// This one, 1 to [`ORDER_MAX`].
-    Exactly(usize),
-}
-
-/// What is asked of a fit.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FitRequest {
-    /// Which order to give back.
-    pub order: OrderChoice,
-    /// Whether the expansion points may move along the axes.
-    pub fit_origin: bool,
-    /// Greatest relative error that the range of validity admits, 0 to 1.
-    pub share: f64,
-}
-
-/// One coil's series and how well it is known.
-#[derive(Debug, Clone, PartialEq)]
-pub struct CoilFit {
-    /// `a_k` for 1 A, k = 1 first, T m^(k+2) / A.
-    pub coefficients: Vec<f64>,
-    /// Standard deviation of each.
-    pub deviations: Vec<f64>,
-    /// Their covariance, by rows.
-    pub covariance: Vec<Vec<f64>>,
-    /// Local x of the expansion point, m, from where the pose has it; zero unless fitted.
-    pub origin: f64,
-    /// Its standard deviation, m; `None` unless fitted.
-    pub origin_deviation: Option<f64>,
-    /// How near to the expansion point the series may be used.
-    pub range: ValidRange,
-}
-
-/// One order of the scan.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OrderReport {
-    /// Number of terms P.
-    pub order: usize,
-    /// RMS norm of all readings, T.
-    pub rms_norm: f64,
-    /// RMS of each component, T.
-    pub rms: [f64; 3],
-    /// Largest magnitude of a residual, T.
-    pub largest: f64,
-    /// The same as `rms_norm`, of readings left out in folds; `None` where a fold leaves too little to fit.
-    pub holdout_rms_norm: Option<f64>,
-    /// The same of each region of [`FieldFit::regions`], left out as a whole.
-    pub region_rms_norms: Vec<Option<f64>>,
-    /// Origin of each coil, m; zero unless fitted.
-    pub origins: Vec<f64>,
-    /// Condition number of the scaled columns.
-    pub condition: f64,
-    /// Each coil's coefficients, as in [`CoilFit`].
-    pub coefficients: Vec<Vec<f64>>,
-}
-
-/// A part of the measured volume that is left out as a whole.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RegionReport {
-    /// What it is, for people.
-    pub name: &'static str,
-    /// Readings in it.
-    pub readings: usize,
-}
-
-/// Coefficients of every coil at the chosen order.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FieldFit {
-    /// The chosen order P.
-    pub order: usize,
-    /// One a pose.
-    pub coils: Vec<CoilFit>,
-    /// RMS norm of all readings, T.
-    pub rms_norm: f64,
-    /// Standard deviation of one component's noise, T, from what the fit leaves.
-    pub noise: f64,
-    /// Condition number of the covariance of the unknowns, each scaled by its column: that of the scaled columns, squared.
-    pub covariance_condition: f64,
-    /// Every order that the readings determine.
-    pub orders: Vec<OrderReport>,
-    /// Regions left out.
-    pub regions: Vec<RegionReport>,
-    /// Why orders are not in [`Self::orders`].
-    pub undetermined: Vec<(usize, FitError)>,
-}
-
-impl OrderReport {
-    /// Field, T, of the fitted coils at a reading's place and currents; `poses` are those that were fitted with.
-    #[must_use]
-    pub fn field(&self, poses: &[CoilPose], reading: &Reading) -> Vector3<f64> {
-        let coils = poses.iter().zip(&self.origins).zip(&self.coefficients).zip(&reading.currents);
-        coils
-            .map(|(((pose, origin), coefficients), current)| {
-                let pose = design::moved(pose, *origin);
-                Multipole::new(coefficients).evaluate(&pose, &reading.position).column.field * *current
-            })
-            .sum()
-    }
-}
 
 /// One order, fitted, with what the choice needs.
 struct Candidate {
@@ -165,9 +68,13 @@ struct Arrangement<'a> {
 /// What the readings do not determine.
 ///
 /// # Panics
-/// When a reading has not as many currents as there are poses, or an order of 0 or above [`ORDER_MAX`] is asked for.
+/// When a reading has not as many currents as there are poses, or an order of 0 or above [`ORDER_MAX`] is
+/// asked for.
 pub fn fit(poses: &[CoilPose], readings: &[Reading], request: &FitRequest) -> Result<FieldFit, FitError> {
     assert!(readings.iter().all(|reading| reading.currents.len() == poses.len()), "one pose a current");
+    if let OrderChoice::Exactly(order) = request.order {
+        assert!((1..=ORDER_MAX).contains(&order), "order {order}: must be 1 to {ORDER_MAX}");
+    }
     for coil in 0..poses.len() {
         if readings.iter().all(|reading| reading.currents[coil] == 0.0) {
             return Err(FitError::Undriven { coil });
@@ -179,6 +86,8 @@ pub fn fit(poses: &[CoilPose], readings: &[Reading], request: &FitRequest) -> Re
     for order in 1..=ORDER_MAX {
         match arrangement.candidate(order) {
             Ok(candidate) => candidates.push(candidate),
+            // Nothing else is asked for: the other orders need not be tried.
+            Err(error) if request.order == OrderChoice::Exactly(order) => return Err(error),
             Err(error) => undetermined.push((order, error)),
         }
     }
@@ -195,16 +104,11 @@ pub fn fit(poses: &[CoilPose], readings: &[Reading], request: &FitRequest) -> Re
                 let few = FitError::too_few(2, readings, arrangement.unknowns(2), FOLDS);
                 return Err(why_not(1).or_else(|| why_not(2)).unwrap_or(few));
             }
-            arrangement.lowest_within_one_error(&candidates)
+            arrangement.lowest_as_good_as_best(&candidates)
         }
         OrderChoice::Exactly(order) => {
-            assert!((1..=ORDER_MAX).contains(&order), "order {order}: must be 1 to {ORDER_MAX}");
             let found = candidates.iter().position(|candidate| candidate.report.order == order);
-            match (found, why_not(order)) {
-                (Some(index), _) => index,
-                (None, Some(error)) => return Err(error),
-                (None, None) => unreachable!("an order is determined or has a reason"),
-            }
+            found.expect("an order that cannot be fitted was refused above")
         }
     };
     Ok(arrangement.report(&candidates, chosen, undetermined, request.share))
@@ -275,25 +179,20 @@ impl<'a> Arrangement<'a> {
             return Err(FitError::OriginUndetermined { order, coil, reason });
         }
         let fold_squares = left_out_squares(&triangles);
-        let holdout = fold_squares.as_ref().map(|squares| {
-            let sum: f64 =
-                squares.iter().zip(&triangles).map(|(mean, part)| mean * part.equations() as f64 / 3.0).sum();
-            (sum / count as f64).sqrt()
-        });
         let region_rms_norms = self.regions.iter().map(|(_, members)| {
             let (inside, outside) = (parts(&|index| members[index]), parts(&|index| !members[index]));
             let solution = outside.solve().ok()?;
             Some((inside.squares(&solution) * 3.0 / inside.equations() as f64).sqrt())
         });
-        let region_rms_norms = region_rms_norms.collect();
         let mut report = OrderReport {
             order,
             rms_norm: (squares / count as f64).sqrt(),
             rms: [0.0; 3],
             largest: 0.0,
-            holdout_rms_norm: holdout,
-            region_rms_norms,
-            coefficients: coefficients(&solution, coils, order),
+            holdout_rms_norm: fold_squares.as_ref().map(|squares| root_mean(squares, &triangles)),
+            region_rms_norms: region_rms_norms.collect(),
+            // Origins' corrections, if any, stand past the coefficients.
+            coefficients: design::split(solution.as_slice(), coils, order),
             origins,
             condition: spectrum.condition,
         };
@@ -322,8 +221,8 @@ impl<'a> Arrangement<'a> {
         report.rms = [0, 1, 2].map(|i| (squares[i] / self.readings.len() as f64).sqrt());
     }
 
-    /// Index of the lowest order that is not worse than the best by more than the standard error of their difference.
-    fn lowest_within_one_error(&self, candidates: &[Candidate]) -> usize {
+    /// Index of the lowest order that is as good as the best, within the standard error of their difference.
+    fn lowest_as_good_as_best(&self, candidates: &[Candidate]) -> usize {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let compared = || {
             let pairs = candidates.iter().map(|candidate| &candidate.fold_squares).enumerate();
@@ -335,10 +234,11 @@ impl<'a> Arrangement<'a> {
         let field = self.readings.iter().map(|reading| reading.field.norm_squared());
         let rounding = SQUARE_ROUNDING * field.sum::<f64>() / self.readings.len() as f64;
         let is_as_good = |squares: &[f64]| {
-            let worse: Vec<f64> = squares.iter().zip(least).map(|(square, least)| square - least).collect();
-            let (by, folds) = (mean(&worse), worse.len() as f64);
-            let spread: f64 = worse.iter().map(|worse| (worse - by).powi(2)).sum();
-            by <= (spread / (folds - 1.0) / folds).sqrt().max(rounding)
+            let ratio = |(square, least): (&f64, &f64)| ((square + rounding) / (least + rounding)).ln();
+            let ratios: Vec<f64> = squares.iter().zip(least).map(ratio).collect();
+            let (by, folds) = (mean(&ratios), ratios.len() as f64);
+            let spread: f64 = ratios.iter().map(|ratio| (ratio - by).powi(2)).sum();
+            by <= ERRORS_MAX * (spread / (folds - 1.0) / folds).sqrt()
         };
         compared().find(|(_, squares)| is_as_good(squares)).map_or(best, |(index, _)| index)
     }
@@ -398,9 +298,11 @@ impl<'a> Arrangement<'a> {
     }
 }
 
-/// Each coil's coefficients, without the origins' corrections at the end of the solution.
-fn coefficients(solution: &DVector<f64>, coils: usize, order: usize) -> Vec<Vec<f64>> {
-    design::split(solution.as_slice(), coils, order)
+/// Root of the mean over all readings, from the mean square of each part.
+fn root_mean(squares: &[f64], parts: &[Triangle]) -> f64 {
+    let equations: usize = parts.iter().map(Triangle::equations).sum();
+    let sum: f64 = squares.iter().zip(parts).map(|(mean, part)| mean * part.equations() as f64).sum();
+    (sum / equations as f64).sqrt()
 }
 
 /// Mean square of each part as foretold by the others; `None` when the others do not determine the unknowns.
@@ -418,41 +320,4 @@ fn left_out_squares(parts: &[Triangle]) -> Option<Vec<f64>> {
         Some(parts[index].squares(&solution) * 3.0 / parts[index].equations() as f64)
     };
     (0..parts.len()).map(left_out).collect()
-}
-
-/// Parts of the measured volume that are worth leaving out, as marks on the readings.
-fn regions(poses: &[CoilPose], readings: &[&Reading]) -> Vec<(&'static str, Vec<bool>)> {
-    let mut regions: Vec<(&'static str, Vec<bool>)> = Vec::new();
-    if let [pose] = poses {
-        let local = |reading: &&Reading| pose.axis.dot(&(reading.position - pose.origin));
-        let least = readings.iter().map(local).fold(f64::INFINITY, f64::min);
-        let most = readings.iter().map(local).fold(f64::NEG_INFINITY, f64::max);
-        let depth = REGION_SHARE * (most - least);
-        let mark = |is_member: &dyn Fn(f64) -> bool| {
-            readings.iter().map(|reading| is_member(local(reading))).collect()
-        };
-        regions.push(("nearest to the coil", mark(&|x| x <= least + depth)));
-        regions.push(("furthest from the coil", mark(&|x| x >= most - depth)));
-        let heights = readings.iter().map(|reading| reading.position.z);
-        let plane = median(heights.clone().collect());
-        regions.push(("off the plane", heights.map(|z| (z - plane).abs() > 1e-4).collect()));
-    } else {
-        let center =
-            readings.iter().map(|reading| reading.position).sum::<Vector3<f64>>() / readings.len() as f64;
-        let distances: Vec<f64> = readings.iter().map(|reading| (reading.position - center).norm()).collect();
-        let most = distances.iter().fold(0.0_f64, |most, distance| most.max(*distance));
-        let outer = distances.iter().map(|distance| *distance > (1.0 - REGION_SHARE) * most).collect();
-        regions.push(("outer shell", outer));
-    }
-    // At most half may be left out: foretelling the many from the few says little.
-    regions.retain(|(_, members)| {
-        let count = members.iter().filter(|is_member| **is_member).count();
-        count > 0 && 2 * count <= members.len()
-    });
-    regions
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -8,15 +8,16 @@
 //! | `D` | the norms of A's columns, on a diagonal |
 //!
 //! # Method
-//! Householder's QR of `[A b]` keeps all that least squares needs in a small triangle: the solution, the sum of squares at any x,
-//! `|R [x; -1]|^2`, and the columns' norms. The triangle of a union of rows is that of the parts' triangles one above the other, so that
-//! every fit without one part costs little. The columns of eq. (5) differ by twenty powers of ten; QR does not mind, and singular
-//! values are taken of `A D^-1`, whose columns have unit norm (Golub, Van Loan: Matrix Computations, 4th ed., sections 5.3 and 5.5).
+//! Householder's QR of `[A b]` keeps all that least squares needs in a small triangle: the solution, the sum
+//! of squares at any x, `|R [x; -1]|^2`, and the columns' norms. The triangle of a union of rows is that of
+//! the parts' triangles one above the other, so that every fit without one part costs little. The columns of
+//! eq. (5) differ by twenty powers of ten; QR does not mind, and singular values are taken of `A D^-1`, whose
+//! columns have unit norm (Golub, Van Loan: Matrix Computations, 4th ed., sections 5.3 and 5.5).
 
 use nalgebra::{DMatrix, DVector};
 
-/// Singular values of the scaled columns below this part of the largest are rounding: `1e-16` times a few hundred equations, and
-/// a margin of a hundred.
+/// Singular values of the scaled columns below this part of the largest are rounding: `1e-16` times a few
+/// hundred equations, and a margin of a hundred.
 const SINGULAR_RATIO_MIN: f64 = 1e-12;
 
 /// The triangular factor of a set of equations.
@@ -109,7 +110,7 @@ impl Triangle {
             self.factor.columns(0, unknowns).rows(0, self.factor.nrows().min(unknowns)).into_owned();
         let norms: Vec<f64> = scaled.column_iter().map(|column| column.norm()).collect();
         for (index, norm) in norms.iter().enumerate() {
-            let is_seen = *norm > 0.0;
+            let is_seen = *norm > 0.0 && norm.is_finite();
             if !is_seen {
                 return Err(Deficient(index));
             }

@@ -152,7 +152,8 @@ fn a_cut_passes_at_once_and_nobody_commanding_means_zero_within_slew() {
     }
 }
 
-/// Goal: whatever acts whenever, what goes out is finite and within every limit of the rig, on value and on rate.
+/// Goal: whatever acts whenever, what goes out is finite and within every limit of the rig, on value and on
+/// rate.
 #[test]
 fn no_fault_ever_exceeds_a_limit_of_the_rig() {
     let description = example_description();

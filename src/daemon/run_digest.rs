@@ -2,11 +2,13 @@
 //!
 //! Taken over bits, not values: what differs in the last place of one number of one cycle has another digest.
 
-use magsteer::daemon::CycleRecord;
 use magsteer_hal::{HardwareDescription, PoseMessage};
 use sha2::{Digest, Sha256};
 
+use super::control_loop::CycleRecord;
+
 /// The digest of a run under way.
+#[derive(Debug, Clone)]
 pub struct RunDigest {
     hasher: Sha256,
     /// One cycle's bytes, so that the hasher is fed once a cycle.
@@ -17,6 +19,7 @@ pub struct RunDigest {
 
 impl RunDigest {
     /// The digest of nothing, for a rig.
+    #[must_use]
     pub fn new(description: &HardwareDescription) -> Self {
         Self {
             hasher: Sha256::new(),
@@ -30,7 +33,7 @@ impl RunDigest {
     /// magnet.
     pub fn take(&mut self, record: &CycleRecord, truth: &PoseMessage) {
         self.bytes.clear();
-        self.bytes.extend(record.order.map_or(u32::MAX, |order| order).to_le_bytes());
+        self.bytes.extend(record.order.unwrap_or(u32::MAX).to_le_bytes());
         let currents = &record.admitted.current_a[..self.coils];
         let angles = &record.admitted.angle_rad[..self.frames];
         let magnets = &truth.magnets[..truth.magnet_count as usize];
@@ -43,6 +46,7 @@ impl RunDigest {
     }
 
     /// Sixteen hexadecimal digits.
+    #[must_use]
     pub fn finish(self) -> String {
         self.hasher.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
     }
