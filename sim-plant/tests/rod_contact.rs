@@ -86,7 +86,7 @@ fn rod_lying_on_a_floor_is_borne_by_its_weight() {
         Row::new(
             "force of a floor over the weight lying on it, beyond 1",
             touch.force.z / borne - 1.0,
-            1e-6,
+            1e-4,
             "",
         ),
         // The last half element's mass counts a sixth of an element further in than the floor's force on the
