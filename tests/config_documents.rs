@@ -150,6 +150,38 @@ fn check_refuses_a_mistyped_plant() {
     }
 }
 
+/// Goal: a mistake in the table of a sensor, whose keys depend on its kind, is refused at its own line.
+#[cfg(feature = "sim")]
+#[test]
+fn mistakes_in_a_sensors_table_keep_their_place() {
+    let shipped = include_str!("../config/bigmag-planar.toml");
+    let (shipped, _) = shipped.split_once("# Plants that differ at random").expect("campaigns come last");
+    let camera = "plant.sensors.camera.point_cloud";
+    let cases = [
+        ("[plant.sensors.tracker.poses]", "[plant.sensors.tracker.pose]", "plant.sensors.tracker.pose"),
+        ("outlier_share = 0.1", "outlier_share = 0.9", &format!("{camera}.outlier_share")),
+        ("outlier_share = 0.1", "outliers = 0.1", &format!("{camera}.outliers")),
+        ("random = { share = 0.2 }", "random = { share = 2.0 }", &format!("{camera}.occlusion.random.share")),
+        ("curvature = { degree = 2 }", "curve = { degree = 2 }", &format!("{camera}.centreline.curve")),
+        ("stations = 100", "stations = 2.5", "plant.sensors.fibre.curvature.stations"),
+    ];
+    for (right, wrong, key) in cases {
+        assert!(shipped.contains(right), "{right}");
+        let text = shipped.replacen(right, wrong, 1);
+        let folder = folder(&[("plant.toml", &text)]);
+        let command = Command::new(env!("CARGO_BIN_EXE_magsteer"))
+            .args(["check", "--json"])
+            .arg(folder.path().join("plant.toml"))
+            .output()
+            .unwrap();
+        assert_eq!(command.status.code(), Some(78), "{wrong}: {command:?}");
+        let answer: serde_json::Value = serde_json::from_slice(&command.stdout).unwrap();
+        let errors = answer["errors"].as_array().unwrap();
+        let error = errors.iter().find(|error| error["key"] == key).unwrap_or_else(|| panic!("{errors:?}"));
+        assert_eq!(error["line"], line_of(&text, wrong), "{wrong}: {error}");
+    }
+}
+
 const STEPS: &str = "description = \"test\"\naxis = [0.0, 1.0, 0.0]\nzero_direction = [0.0, 0.0, 1.0]\n\
     [[steps]]\ntarget_deg = { m1 = 90.0, m2 = 70.0 }\nduration_s = 4.0\n";
 
