@@ -2,67 +2,18 @@
 //! their pool. From outside each cycle is handed over through a queue that does allocate, now and then.
 //!
 //! Method: a global allocator counts in every thread, while told to. One test alone in this file, so that no other thread allocates.
-#![expect(unsafe_code, reason = "an allocator that counts has no safe form")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
+mod counting_allocator;
+
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use counting_allocator::allocations_everywhere;
 use magsteer::config::Config;
 use magsteer::control::{Cycle, CycleInput, Directions, JacobianKind, PoseSource, Step};
 use magsteer_hal::{Actuation, MagnetPose, PoseMessage};
 
 const CYCLES: u32 = 2_000;
-
-static COUNTING: AtomicBool = AtomicBool::new(false);
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-struct Counting;
-
-fn count() {
-    if COUNTING.load(Ordering::Relaxed) {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-// SAFETY: every call goes to the system's allocator unchanged; counting touches two atomic numbers.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Allocations of all threads during `work`.
-fn allocations_in(work: impl FnOnce()) -> u64 {
-    let before = ALLOCATIONS.load(Ordering::SeqCst);
-    COUNTING.store(true, Ordering::SeqCst);
-    work();
-    COUNTING.store(false, Ordering::SeqCst);
-    ALLOCATIONS.load(Ordering::SeqCst) - before
-}
 
 /// Currents that wander, so that problems differ and some fail.
 fn input(cycle: u32) -> CycleInput {
@@ -122,7 +73,7 @@ fn a_cycle_with_algorithm_1_allocates_nothing() {
         let mut run = |pool_entered: bool| {
             // The first cycles register each thread with the queues.
             let mut converged = steps(&mut cycle, 0, 200);
-            let counted = allocations_in(|| converged += steps(&mut cycle, 200, CYCLES));
+            let counted = allocations_everywhere(|| converged += steps(&mut cycle, 200, CYCLES));
             println!(
                 "{threads} threads, {poses:?}, inside the pool: {pool_entered}: {counted} allocations in {CYCLES} cycles, {converged} converged"
             );

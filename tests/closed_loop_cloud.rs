@@ -4,21 +4,7 @@
 
 mod rig_support;
 
-use magsteer::daemon::step_response::StepResponse;
-use rig_support::{Bench, Setup};
-
-fn report(name: &str, steps: &[StepResponse]) {
-    for step in steps {
-        println!(
-            "{name}: {:?} settled {:?} mean {:.2?} rms {:.2?} current {:.2}",
-            step.target_deg.iter().map(|angle| angle.round()).collect::<Vec<_>>(),
-            step.settled_s,
-            step.error_mean_deg,
-            step.error_rms_deg,
-            step.current_max_a
-        );
-    }
-}
+use rig_support::{Bench, Setup, report};
 
 /// Goal: seen at 30 Hz with 60 ms latency, as 2000 points with 0.3 mm noise of which a tenth are outliers,
 /// and with a fifth of the rod hidden, every step of the planar experiment settles within three seconds,

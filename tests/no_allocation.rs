@@ -1,14 +1,14 @@
 //! Goal: a control cycle allocates nothing, whatever happens in it; over shared memory exactly once for each message sent, which
 //! is the transport's own and a hit of the C library's thread cache.
 //!
-//! Method: a global allocator counts per thread, and only while a cycle runs. Faults, lost sensing, a model that does not
+//! Method: a global allocator counts per thread, and is asked about each cycle. Faults, lost sensing, a model that does not
 //! converge, requests that are not finite, stalls, resets and re-arming all happen within the counted cycles.
-#![expect(unsafe_code, reason = "an allocator that counts has no safe form")]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+mod counting_allocator;
+
 use std::time::Duration;
 
+use counting_allocator::allocations_in;
 use magsteer::control::{CycleInput, CycleOutcome, Step};
 use magsteer::daemon::{ControlLoop, CycleRecord, DaemonConfig, LoopOptions, Request, Tick, Verb};
 use magsteer_hal::channels::{DaemonServices, DriverEnd, PrivateRoot};
@@ -22,60 +22,6 @@ use rand::{RngExt, SeedableRng};
 
 const CYCLES: u32 = 10_000;
 const UP: [f64; 3] = [0.0, 0.0, 1.0];
-
-thread_local! {
-    static COUNTING: Cell<bool> = const { Cell::new(false) };
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-fn count() {
-    // A thread that is ending has no counters any more, and runs no cycle.
-    let counting = COUNTING.try_with(Cell::get).unwrap_or(false);
-    if counting {
-        ALLOCATIONS.with(|allocations| allocations.set(allocations.get() + 1));
-    }
-}
-
-// SAFETY: every call goes to the system's allocator unchanged; counting touches two thread-local numbers that
-// need neither allocation nor destruction.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// Allocations of this thread during `work`.
-fn allocations_in<T>(work: impl FnOnce() -> T) -> (T, u64) {
-    let before = ALLOCATIONS.get();
-    COUNTING.set(true);
-    let result = work();
-    COUNTING.set(false);
-    (result, ALLOCATIONS.get() - before)
-}
 
 /// Asks for currents that change, and fails as told.
 struct Scripted {

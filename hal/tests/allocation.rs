@@ -2,8 +2,9 @@
 //!
 //! A file of its own: the counter is that of the thread, the allocator that of the process.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+#[path = "../../tests/counting_allocator/mod.rs"]
+mod counting_allocator;
+
 use std::time::Duration;
 
 use magsteer_hal::channels::{DaemonServices, DriverEnd, Endpoint, PrivateRoot};
@@ -17,38 +18,9 @@ use magsteer_hal::{
     HeaderWriter, POSE_PARAMETERS_MAX, PoseMessage, Setpoint, Stamp,
 };
 
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-#[expect(
-    unsafe_code,
-    reason = "counting allocations needs an allocator; it hands every call on to the system's"
-)]
-// SAFETY: every call goes unchanged to `System`, which keeps the contract; counting touches no memory it hands out.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`, and every block came from `System`.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 /// Allocations of this thread while `work` runs.
 fn allocations(work: impl FnOnce()) -> u64 {
-    let before = ALLOCATIONS.get();
-    work();
-    ALLOCATIONS.get() - before
+    counting_allocator::allocations_in(work).1
 }
 
 #[test]

@@ -124,3 +124,17 @@ impl Bench {
         played.steps.into_iter().map(|step| step.response).collect()
     }
 }
+
+/// Prints how each step went.
+pub fn report(name: &str, steps: &[StepResponse]) {
+    for step in steps {
+        println!(
+            "{name}: {:?} settled {:?} mean {:.2?} rms {:.2?} current {:.2}",
+            step.target_deg.iter().map(|angle| angle.round()).collect::<Vec<_>>(),
+            step.settled_s,
+            step.error_mean_deg,
+            step.error_rms_deg,
+            step.current_max_a
+        );
+    }
+}
