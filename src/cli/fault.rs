@@ -130,7 +130,7 @@ impl Fault {
             Action::Frame(begin) => begin.run(FaultTarget::Frame),
             Action::Clear(clear) => {
                 let answer = ask(&clear.rig, FaultRequest::clear())?;
-                tell(&answer, clear.json, format_args!("cleared {}", answer.cleared))
+                tell(&answer, clear.json, format_args!("faults cleared: {}", answer.cleared))
             }
         }
     }
