@@ -2,10 +2,10 @@
 
 #[path = "../src/fixture.rs"]
 mod fixture;
+mod sensing_support;
 
 use std::time::Duration;
 
-use magsteer_hal::shape::CentrelineKind;
 use magsteer_hal::{PoseMessage, Stamp};
 use magsteer_sim_plant::sensing::{
     FibreCharacter, Occlusion, PoseSensor, SensorSettings, StereoCharacter, Timing, TrackerCharacter,
@@ -15,6 +15,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use sensing_support::stereo;
 
 const STEP: Duration = Duration::from_micros(500);
 const START: Stamp = Stamp::from_nanoseconds(1_000_000_000);
@@ -29,20 +30,6 @@ fn plant() -> Plant {
 
 fn sensor(settings: &SensorSettings, seed: u64) -> PoseSensor {
     PoseSensor::new(settings, &fixture::bigmag().manipulator, seed, START).expect("fits")
-}
-
-fn stereo() -> StereoCharacter {
-    StereoCharacter {
-        viewers: vec![[-0.05, -0.3, 0.1], [0.05, -0.3, 0.1]],
-        points: 2000,
-        noise_across: 0.3e-3,
-        noise_depth: 0.3e-3,
-        outlier_share: 0.1,
-        outlier_margin: 0.01,
-        occlusion: Occlusion::Random { share: 0.2 },
-        centreline: CentrelineKind::Curvature { degree: 2 },
-        tangent_deviation_max: 1.25_f64.to_radians(),
-    }
 }
 
 fn fibre() -> FibreCharacter {

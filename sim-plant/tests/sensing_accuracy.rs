@@ -3,6 +3,7 @@
 
 #[path = "../src/fixture.rs"]
 mod fixture;
+mod sensing_support;
 mod validation;
 
 use std::time::Duration;
@@ -16,6 +17,7 @@ use magsteer_sim_plant::{Plant, PlantConfig};
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use sensing_support::stereo;
 use validation::{Row, hold};
 
 const PERIOD: Duration = Duration::from_millis(10);
@@ -136,20 +138,6 @@ impl Accuracy {
                 "deg",
             ));
         }
-    }
-}
-
-fn stereo() -> StereoCharacter {
-    StereoCharacter {
-        viewers: vec![[-0.05, -0.3, 0.1], [0.05, -0.3, 0.1]],
-        points: 2000,
-        noise_across: 0.3e-3,
-        noise_depth: 0.3e-3,
-        outlier_share: 0.1,
-        outlier_margin: 0.01,
-        occlusion: Occlusion::Random { share: 0.2 },
-        centreline: CentrelineKind::Curvature { degree: 2 },
-        tangent_deviation_max: 1.25_f64.to_radians(),
     }
 }
 
