@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::algorithm_1::{Algorithm1Config, JacobianKind};
 use super::allocation::AllocationKind;
 use super::error::OrientationErrorKind;
+use super::plan::PlanConfig;
 
 /// `[control]`: the law from error to actuation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,6 +45,8 @@ pub struct ControlConfig {
     pub frame_angles: FrameUse,
     /// Most shooting passes in one cycle, 1 to 20.
     pub passes_max: u32,
+    /// How frame angles are planned; needed by what plans.
+    pub plan: Option<PlanConfig>,
 }
 
 /// Whether the frame angles take part in steering.
@@ -75,6 +78,9 @@ impl ControlConfig {
         checks.require(told, "control.algorithm_1", "nothing", "given, since `jacobian` is \"algorithm-1\"");
         if let Some(algorithm_1) = &self.algorithm_1 {
             algorithm_1.check(&mut checks);
+        }
+        if let Some(plan) = &self.plan {
+            plan.check(&mut checks);
         }
         checks.into_result(()).err().unwrap_or_default()
     }

@@ -310,7 +310,7 @@ impl Cycle {
 }
 
 /// Rows of the exact orientation Jacobian of one magnet.
-fn exact_rows(
+pub(super) fn exact_rows(
     model: &Model,
     error: &OrientationError,
     magnet: usize,

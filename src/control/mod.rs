@@ -11,6 +11,7 @@ mod cycle;
 mod error;
 mod integral;
 mod model;
+pub mod plan;
 mod reference;
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ const REACH_FROM_REST: f64 = 0.05;
 const PROBE_SHARE: f64 = 1e-3;
 
 /// Array and manipulator at the present actuation.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Model {
     array: CoilArray,
     posed: PosedArray,
@@ -48,7 +48,7 @@ pub struct Model {
 }
 
 /// Margin of stability and how it changes with the actuation.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Margin {
     value: f64,
     gradient: Vec<f64>,
@@ -61,7 +61,7 @@ struct Margin {
 }
 
 /// The last equilibrium on the model's way, from which every cycle sets out.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Anchor {
     actuation: Actuation,
     unknowns: Vector6<f64>,
@@ -89,7 +89,7 @@ impl AppliedField for Unsteered<'_> {
 }
 
 /// Tangents and Jacobian of the last pass that was close enough to equilibrium.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Good {
     tangents: [Vector3<f64>; MAGNETS_MAX],
     jacobian: [[[f64; PARAMETERS_MAX]; 3]; MAGNETS_MAX],
@@ -203,6 +203,15 @@ impl Model {
             *pose = HeldPose { position: magnet.position(), rotation: magnet.rotation() };
         }
         Present { actuation: self.anchor.actuation, unknowns: self.anchor.unknowns, poses }
+    }
+
+    /// Goes back to an equilibrium found earlier: the next [`Self::follow`] sets out from there.
+    pub fn resume(&mut self, present: &Present) {
+        self.anchor.actuation = present.actuation;
+        self.anchor.unknowns = present.unknowns;
+        self.anchor.derivatives.fill(Vector6::zeros());
+        self.anchor.reach = 1.0;
+        self.margin.cursor = 0;
     }
 
     /// True once a Jacobian was computed.

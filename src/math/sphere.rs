@@ -26,6 +26,18 @@ pub fn logarithm(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     }
 }
 
+/// The unit vector a share of the way along the great circle between two.
+#[must_use]
+pub fn along_great_circle(from: &Vector3<f64>, to: &Vector3<f64>, share: f64) -> Vector3<f64> {
+    let way = logarithm(from, to);
+    let angle = way.norm();
+    if angle < 1e-12 {
+        return *to;
+    }
+    let (sine, cosine) = (angle * share).sin_cos();
+    from * cosine + way * (sine / angle)
+}
+
 /// Two unit vectors that complete `normal` to a right-handed orthonormal basis, continuous except
 /// where `normal.z` changes sign (Duff et al., "Building an orthonormal basis, revisited", JCGT 2017).
 #[must_use]

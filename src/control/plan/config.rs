@@ -1,0 +1,53 @@
+//! `[control.plan]` of the configuration file.
+
+use magsteer_hal::HardwareDescription;
+use magsteer_hal::invalid::Checks;
+use serde::{Deserialize, Serialize};
+
+/// Most frame settings of a search.
+pub const SETTINGS_MAX: usize = 10_000;
+
+/// `[control.plan]`: how frame angles are searched for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlanConfig {
+    /// Step of the frame angles that are tried, deg, 1 to 180.
+    pub frame_step_deg: f64,
+    /// Farthest frame angle that is tried, either way, within the frame's own range, deg, 0 to 180.
+    pub frame_range_deg: f64,
+    /// RMS of the orientation disturbance that the currents shall be able to undo, deg, 0 to 30; (p1).
+    pub disturbance_deg: f64,
+    /// Least margin of stability on a way, 0 to 10.
+    pub margin_min: f64,
+    /// Margin of stability below which a way is taken only where there is no better, 0 to 10.
+    pub margin_wanted: f64,
+    /// Greatest error of a target that counts as reached in the model, deg, > 0, at most 5.
+    pub tolerance_deg: f64,
+}
+
+impl PlanConfig {
+    /// Adds every value out of its range, keyed from the root of the file.
+    pub fn check(&self, checks: &mut Checks) {
+        checks.within("control.plan.frame_step_deg", self.frame_step_deg, 1.0, 180.0);
+        checks.within("control.plan.frame_range_deg", self.frame_range_deg, 0.0, 180.0);
+        checks.within("control.plan.disturbance_deg", self.disturbance_deg, 0.0, 30.0);
+        checks.within("control.plan.margin_min", self.margin_min, 0.0, 10.0);
+        checks.within("control.plan.margin_wanted", self.margin_wanted, 0.0, 10.0);
+        checks.within("control.plan.tolerance_deg", self.tolerance_deg, 1e-4, 5.0);
+    }
+
+    /// Angles that are tried for one frame, rad: zero first, then by distance from it.
+    pub(super) fn angles(&self, description: &HardwareDescription, frame: usize) -> Vec<f64> {
+        let frame = &description.frames[frame];
+        let (step, range) = (self.frame_step_deg.to_radians(), self.frame_range_deg.to_radians());
+        // A little more, so that a range that is a multiple of the step keeps its end.
+        let count = (range / step + 1e-9).floor() as i32;
+        let mut angles: Vec<f64> = (-count..=count).map(|index| f64::from(index) * step).collect();
+        angles.retain(|angle| (frame.angle_min..=frame.angle_max).contains(angle));
+        if angles.is_empty() {
+            angles.push(0.0_f64.clamp(frame.angle_min, frame.angle_max));
+        }
+        angles.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+        angles
+    }
+}

@@ -1,0 +1,369 @@
+//! Quasi-static motion of the model: magnets turn along great circles while frames turn evenly, currents follow.
+//!
+//! A walk is the controller's own law on a plant that is its model and has all the time it needs: error, exact Jacobian
+//! and bounded allocation are those of the cycle, with its null-space tasks. So an equilibrium is followed along its branch as the rod
+//! would, and what ends a walk would end the motion: a current at its limit, a branch that ends, a margin of stability too small.
+
+use magsteer_hal::{Actuation, HardwareDescription, POSE_PARAMETERS_MAX};
+use nalgebra::{Matrix3, Vector3};
+use serde::Serialize;
+
+use super::expected_power::ExpectedPower;
+use crate::control::algorithm_1::Present;
+use crate::control::allocation::{Allocation, Wish};
+use crate::control::config::{ControlConfig, FrameUse};
+use crate::control::cycle::{Directions, exact_rows};
+use crate::control::error::{OrientationError, OrientationErrorKind};
+use crate::control::model::Model;
+use crate::math::{along_great_circle, angle_between};
+use crate::rod::Manipulator;
+
+/// Greatest turn of a magnet between two stations of a walk, rad: some percent of what changes the Jacobian.
+const MAGNET_STEP: f64 = 5.0_f64.to_radians();
+/// Greatest turn of a frame between two stations, rad.
+const FRAME_STEP: f64 = 10.0_f64.to_radians();
+/// Error below which a station on the way is left for the next, rad.
+const ERROR_ON_THE_WAY: f64 = 0.5_f64.to_radians();
+/// Allocations spent on one station before it counts as out of reach.
+const ALLOCATIONS_MAX: u32 = 40;
+/// Calls of the model for one actuation; each that falls short halves the way of the next.
+const FOLLOWS_MAX: u32 = 12;
+/// Greatest change of a current in one allocation, A: some percent of what changes the Jacobian.
+const CURRENT_STEP: f64 = 0.5;
+/// Share of the currents in the null space that one allocation takes away.
+const RELEASE_SHARE: f64 = 0.3;
+/// Share of a lost margin that one allocation regains, to first order.
+const MARGIN_SHARE: f64 = 0.3;
+/// Change of the currents per allocation at which a posture counts as relaxed, A.
+const RELAXED: f64 = 0.02;
+
+/// A point on a way: where the magnets shall point and how the frames shall stand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Waypoint {
+    /// Unit tangents, world.
+    pub directions: Directions,
+    /// Frame angles, rad.
+    pub frame_angles: [f64; POSE_PARAMETERS_MAX],
+}
+
+/// What a walk must not exceed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Margin of stability on the whole way.
+    pub margin_min: f64,
+    /// Error at the end, rad.
+    pub tolerance: f64,
+}
+
+/// What ends a walk before its goal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Obstacle {
+    /// Currents at their limits do not turn the magnets farther.
+    OutOfReach,
+    /// The margin of stability falls below what is asked.
+    NearSnapThrough,
+    /// The branch of equilibria ends: the rod would snap through.
+    BranchEnds,
+    /// A magnet leaves the range of the field model.
+    OutsideField,
+}
+
+impl Obstacle {
+    /// In words.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::OutOfReach => "the currents reach their limits",
+            Self::NearSnapThrough => "the margin of stability becomes too small",
+            Self::BranchEnds => "the equilibrium ends: the rod would snap through",
+            Self::OutsideField => "a magnet leaves the range of the field model",
+        }
+    }
+}
+
+/// How a walk went: extremes over its stations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Walked {
+    /// Greatest magnitude of a current, A.
+    pub current_max: f64,
+    /// Least margin of stability.
+    pub margin_min: f64,
+    /// Greatest expected power (p1), A^2.
+    pub expected_max: f64,
+}
+
+impl Walked {
+    /// A walk without a station yet.
+    pub const NOWHERE: Self = Self { current_max: 0.0, margin_min: f64::INFINITY, expected_max: 0.0 };
+
+    /// Both, one after the other.
+    #[must_use]
+    pub fn then(&self, next: &Self) -> Self {
+        Self {
+            current_max: self.current_max.max(next.current_max),
+            margin_min: self.margin_min.min(next.margin_min),
+            expected_max: self.expected_max.max(next.expected_max),
+        }
+    }
+}
+
+/// An equilibrium of the model under its actuation.
+#[derive(Debug, Clone, Copy)]
+pub struct Posture {
+    /// Actuation and base unknowns.
+    pub present: Present,
+    /// Tangents, world.
+    pub directions: Directions,
+    /// Margin of stability.
+    pub margin: f64,
+    /// Expected power (p1), A^2.
+    pub expected: f64,
+    /// Ratio of the largest to the smallest singular value of the Jacobian in the currents.
+    pub condition: f64,
+}
+
+/// A model that walks.
+#[derive(Debug, Clone)]
+pub struct Walker {
+    model: Model,
+    error: OrientationError,
+    allocation: Allocation,
+    expected: ExpectedPower,
+    at: Present,
+    magnets: usize,
+    coils: usize,
+    frames: usize,
+    jacobian: Vec<f64>,
+    step: Vec<f64>,
+}
+
+impl Walker {
+    /// A walker for the rig of `description`, at rest without currents; `disturbance` is that of (p1), rad.
+    #[must_use]
+    pub fn new(
+        control: &ControlConfig,
+        description: &HardwareDescription,
+        manipulator: Manipulator,
+        disturbance: f64,
+    ) -> Self {
+        let magnets = manipulator.magnet_count();
+        let (coils, frames) = (description.coils.len(), description.frames.len());
+        let [first, second, third] = description.manipulator.base_rotation;
+        let base = Matrix3::from_rows(&[first.into(), second.into(), third.into()]);
+        // One allocation a second, whose slew is the step of a walk.
+        let hurried = ControlConfig {
+            frame_angles: FrameUse::Hold,
+            current_release_per_s: RELEASE_SHARE,
+            stability_rate_per_s: MARGIN_SHARE,
+            ..control.clone()
+        };
+        let mut stepped = description.clone();
+        stepped.coils.iter_mut().for_each(|coil| coil.slew_max = CURRENT_STEP);
+        let mut model = Model::new(description, manipulator, control.passes_max);
+        model.follow(&Actuation::default());
+        Self {
+            at: model.present(),
+            model,
+            error: OrientationError::new(OrientationErrorKind::TangentPlane, &base),
+            allocation: Allocation::new(&hurried, &stepped, 2 * magnets),
+            expected: ExpectedPower::new(2 * magnets, coils, disturbance),
+            magnets,
+            coils,
+            frames,
+            jacobian: vec![0.0; 2 * magnets * (coils + frames)],
+            step: vec![0.0; 2 * magnets],
+        }
+    }
+
+    /// Where it is.
+    pub fn posture(&mut self) -> Posture {
+        let directions = self.directions();
+        self.fill_rows(&directions);
+        let currents = &self.at.actuation.current_a[..self.coils];
+        let expected = self.expected.evaluate(currents, &self.jacobian, self.coils + self.frames);
+        Posture {
+            present: self.at,
+            directions,
+            margin: self.model.margin(),
+            expected,
+            condition: self.expected.condition(),
+        }
+    }
+
+    /// Goes back to a posture.
+    ///
+    /// # Errors
+    /// When it is no equilibrium of this walker's model.
+    pub fn resume(&mut self, posture: &Posture) -> Result<(), Obstacle> {
+        self.at = posture.present;
+        self.model.resume(&posture.present);
+        // Once for every entry of the margin's gradient, so that nothing is left of where the walker was before.
+        for _ in 0..(self.coils + self.frames).max(1) {
+            self.settle()?;
+        }
+        Ok(())
+    }
+
+    /// Takes currents and angles straight to `actuation`.
+    ///
+    /// # Errors
+    /// When the model loses the equilibrium on the way.
+    pub fn actuate(&mut self, actuation: &Actuation) -> Result<(), Obstacle> {
+        let from = self.at.actuation;
+        let farthest = actuation.current_a.iter().zip(&from.current_a);
+        let farthest = farthest.fold(0.0_f64, |most, (to, from)| most.max((to - from).abs()));
+        let steps = (farthest / CURRENT_STEP).ceil().max(1.0) as u32;
+        for step in 1..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            let there = &mut self.at.actuation;
+            for ((there, from), to) in
+                there.current_a.iter_mut().zip(&from.current_a).zip(&actuation.current_a)
+            {
+                *there = from + (to - from) * share;
+            }
+            for ((there, from), to) in
+                there.angle_rad.iter_mut().zip(&from.angle_rad).zip(&actuation.angle_rad)
+            {
+                *there = from + (to - from) * share;
+            }
+            self.settle()?;
+        }
+        Ok(())
+    }
+
+    /// Walks to `goal` along great circles, frames turning evenly with the magnets; stays where it came to otherwise.
+    ///
+    /// # Errors
+    /// What ended it, and after what share of the way.
+    pub fn walk(&mut self, goal: &Waypoint, bounds: &Bounds) -> Result<Walked, (Obstacle, f64)> {
+        let from = Waypoint { directions: self.directions(), frame_angles: self.at.actuation.angle_rad };
+        let stations = self.stations(&from, goal);
+        let mut walked = Walked::NOWHERE;
+        for station in 1..=stations {
+            let share = f64::from(station) / f64::from(stations);
+            let there = self.between(&from, goal, share);
+            self.at.actuation.angle_rad = there.frame_angles;
+            let last = station == stations;
+            let tolerance = if last { bounds.tolerance } else { ERROR_ON_THE_WAY };
+            self.reach(&there.directions, tolerance, last).map_err(|obstacle| (obstacle, share))?;
+            let here = self.posture();
+            walked = walked.then(&Walked {
+                current_max: greatest(&here.present.actuation.current_a),
+                margin_min: here.margin,
+                expected_max: here.expected,
+            });
+            if here.margin < bounds.margin_min || here.margin.is_nan() {
+                return Err((Obstacle::NearSnapThrough, share));
+            }
+        }
+        Ok(walked)
+    }
+
+    /// Greatest angle between a magnet and its direction, rad.
+    #[must_use]
+    pub fn error_to(&self, directions: &Directions) -> f64 {
+        let errors = directions.iter().take(self.magnets).enumerate();
+        let errors = errors
+            .map(|(magnet, wanted)| angle_between(&self.model.tangent(magnet), &Vector3::from(*wanted)));
+        errors.fold(0.0, f64::max)
+    }
+
+    fn directions(&self) -> Directions {
+        let mut directions = Directions::default();
+        for (magnet, direction) in directions.iter_mut().enumerate().take(self.magnets) {
+            *direction = self.model.tangent(magnet).into();
+        }
+        directions
+    }
+
+    /// How many stations a way has.
+    fn stations(&self, from: &Waypoint, to: &Waypoint) -> u32 {
+        let magnets = from.directions.iter().zip(&to.directions).take(self.magnets);
+        let turns =
+            magnets.map(|(from, to)| angle_between(&Vector3::from(*from), &Vector3::from(*to)) / MAGNET_STEP);
+        let frames = from.frame_angles.iter().zip(&to.frame_angles).take(self.frames);
+        let turned = frames.map(|(from, to)| (to - from).abs() / FRAME_STEP);
+        (turns.chain(turned).fold(0.0, f64::max).ceil() as u32).max(1)
+    }
+
+    fn between(&self, from: &Waypoint, to: &Waypoint, share: f64) -> Waypoint {
+        let mut there = *to;
+        for ((there, from), to) in there.directions.iter_mut().zip(&from.directions).zip(&to.directions) {
+            *there = along_great_circle(&Vector3::from(*from), &Vector3::from(*to), share).into();
+        }
+        for ((there, from), to) in there.frame_angles.iter_mut().zip(&from.frame_angles).zip(&to.frame_angles)
+        {
+            *there = from + (to - from) * share;
+        }
+        there
+    }
+
+    /// Brings the model to the equilibrium of the present actuation.
+    fn settle(&mut self) -> Result<(), Obstacle> {
+        for _ in 0..FOLLOWS_MAX {
+            let report = self.model.follow(&self.at.actuation);
+            if !report.field_valid {
+                return Err(Obstacle::OutsideField);
+            }
+            if report.converged {
+                self.at = self.model.present();
+                return Ok(());
+            }
+        }
+        Err(Obstacle::BranchEnds)
+    }
+
+    /// Turns the magnets to `directions` with the frames as they stand; at the end of a walk also until the currents rest.
+    fn reach(&mut self, directions: &Directions, tolerance: f64, relax: bool) -> Result<(), Obstacle> {
+        self.settle()?;
+        let mut change = f64::INFINITY;
+        for _ in 0..ALLOCATIONS_MAX {
+            let close = self.error_to(directions) <= tolerance;
+            if close && (!relax || change <= RELAXED) {
+                return Ok(());
+            }
+            change = self.approach(directions);
+            self.settle()?;
+            if self.model.margin() <= 0.0 {
+                return Err(Obstacle::BranchEnds);
+            }
+        }
+        // Currents that still wander in the null space do not make a reached goal unreached.
+        if self.error_to(directions) <= tolerance { Ok(()) } else { Err(Obstacle::OutOfReach) }
+    }
+
+    /// One allocation; returns the greatest change of a current, A.
+    fn approach(&mut self, directions: &Directions) -> f64 {
+        self.fill_rows(directions);
+        self.allocation.allocate(&Wish {
+            jacobian: &self.jacobian,
+            step: &self.step,
+            admitted: &self.at.actuation,
+            period: 1.0,
+            margin: self.model.margin(),
+            margin_gradient: self.model.margin_gradient(),
+        });
+        let increment = &self.allocation.increment()[..self.coils];
+        for (current, change) in self.at.actuation.current_a.iter_mut().zip(increment) {
+            *current += change;
+        }
+        greatest(increment)
+    }
+
+    fn fill_rows(&mut self, directions: &Directions) {
+        let parameters = self.coils + self.frames;
+        let jacobian = self.jacobian.chunks_exact_mut(2 * parameters.max(1));
+        let rows = jacobian.zip(self.step.chunks_exact_mut(2)).zip(directions).enumerate();
+        for (magnet, ((jacobian, step), wanted)) in rows {
+            let wanted = Vector3::from(*wanted);
+            let error = self.error.rows(&self.model.tangent(magnet), &wanted);
+            step.copy_from_slice(error.as_slice());
+            exact_rows(&self.model, &self.error, magnet, &wanted, jacobian);
+        }
+    }
+}
+
+fn greatest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| most.max(value.abs()))
+}
