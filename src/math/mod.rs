@@ -12,7 +12,7 @@ mod triple;
 pub use bounded_least_squares::{BoundedLeastSquares, BoundedProblem, BoundedReport};
 pub use lu::{Lu, Singular};
 pub use pair::Pair;
-pub use sphere::{angle_between, logarithm, orthonormal_complement, transported_basis};
+pub use sphere::{along_great_circle, angle_between, logarithm, orthonormal_complement, transported_basis};
 pub use splitmix::{SplitMix, scramble};
 pub use thin_svd::ThinSvd;
 pub use triple::{Scalar, Triple};
