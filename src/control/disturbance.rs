@@ -210,4 +210,4 @@ impl Mode {
 }
 
 #[cfg(test)]
-mod tests {}
+mod tests;

@@ -181,4 +181,4 @@ impl Reference {
 }
 
 #[cfg(test)]
-mod tests {}
+mod tests;
