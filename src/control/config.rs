@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::algorithm_1::{Algorithm1Config, JacobianKind};
 use super::allocation::AllocationKind;
+use super::disturbance::DisturbanceConfig;
 use super::error::OrientationErrorKind;
+use super::feedback::FeedbackKind;
 use super::plan::PlanConfig;
 
 /// `[control]`: the law from error to actuation.
@@ -18,14 +20,24 @@ pub struct ControlConfig {
     pub jacobian: JacobianKind,
     /// How Algorithm 1 works; needed when it is chosen.
     pub algorithm_1: Option<Algorithm1Config>,
-    /// Proportional gain, 1/s, > 0.
+    /// `"delayed-reference"`, or `"disturbance-estimate"` to steer by the model with its bias estimated.
+    pub feedback: FeedbackKind,
+    /// Proportional gain on measurements, 1/s, > 0; for `"delayed-reference"`.
     pub proportional_per_s: f64,
-    /// Integral gain, 1/s^2, >= 0.
+    /// Integral gain, 1/s^2, >= 0; for `"delayed-reference"`.
     pub integral_per_s2: f64,
-    /// Time constant with which the reference follows a target, ms, >= 0.
+    /// How the model's bias is estimated; needed when it is chosen.
+    pub disturbance: Option<DisturbanceConfig>,
+    /// Greatest speed of each direction's reference, deg/s, > 0. Frame angles keep the speed of the rig's description.
+    pub reference_speed_max_deg_per_s: f64,
+    /// Greatest acceleration of each direction's reference, deg/s^2, > 0.
+    pub reference_acceleration_max_deg_per_s2: f64,
+    /// Greatest acceleration of each frame angle's reference, deg/s^2, > 0.
+    pub reference_frame_acceleration_max_deg_per_s2: f64,
+    /// Time constant of each of the two lags that round off the reference, ms, >= 0.
     pub reference_time_constant_ms: f64,
     /// By how much the manipulator lags behind a changed actuation (amplifiers, first mode), ms, 0 to 400: measured
-    /// poses are compared with what was desired that long before they were true.
+    /// poses are compared with what was desired that long before they were true. For `"delayed-reference"`.
     pub response_delay_ms: f64,
     /// `"bounded"`, or `"truncated-svd"` for the paper's eqs. (18) and (19).
     pub allocation: AllocationKind,
@@ -66,6 +78,11 @@ impl ControlConfig {
         let mut checks = Checks::new();
         checks.within("control.proportional_per_s", self.proportional_per_s, 1e-3, 1e3);
         checks.within("control.integral_per_s2", self.integral_per_s2, 0.0, 1e4);
+        checks.within("control.reference_speed_max_deg_per_s", self.reference_speed_max_deg_per_s, 0.1, 1e5);
+        let [acceleration, frame_acceleration] =
+            [self.reference_acceleration_max_deg_per_s2, self.reference_frame_acceleration_max_deg_per_s2];
+        checks.within("control.reference_acceleration_max_deg_per_s2", acceleration, 0.1, 1e7);
+        checks.within("control.reference_frame_acceleration_max_deg_per_s2", frame_acceleration, 0.1, 1e7);
         checks.within("control.reference_time_constant_ms", self.reference_time_constant_ms, 0.0, 1e4);
         checks.within("control.response_delay_ms", self.response_delay_ms, 0.0, 400.0);
         checks.within("control.singular_ratio_max", self.singular_ratio_max, 1.0, 1e12);
@@ -81,6 +98,16 @@ impl ControlConfig {
         }
         if let Some(plan) = &self.plan {
             plan.check(&mut checks);
+        }
+        let told = self.disturbance.is_some() || self.feedback == FeedbackKind::DelayedReference;
+        checks.require(
+            told,
+            "control.disturbance",
+            "nothing",
+            "given, since `feedback` is \"disturbance-estimate\"",
+        );
+        if let Some(disturbance) = &self.disturbance {
+            disturbance.check(&mut checks);
         }
         checks.into_result(()).err().unwrap_or_default()
     }

@@ -3,8 +3,7 @@
 //! The order of a cycle is that of the paper's Fig. 4: measured tangents (A), wrenches and shape of the model at the
 //! measured actuation (B), orientation Jacobian (C), new currents and angles (D).
 //!
-//! A law follows measurement and reference at one instant: what a pose shows was caused by what was asked for
-//! `pose_age + response_delay` ago, so that it is compared with the reference of then.
+//! Measurements are late: what they are compared with, so that cause and effect belong to one moment, is the business of `feedback`.
 //!
 //! What is absent: a clock, a channel, an allocation after construction, a lock, a log, a panic.
 
@@ -18,9 +17,9 @@ use super::algorithm_1::{Algorithm1, HeldPose, JacobianKind, PoseSource, Present
 use super::allocation::{Allocation, Wish};
 use super::config::ControlConfig;
 use super::error::OrientationError;
-use super::integral::ProportionalIntegral;
+use super::feedback::{Feedback, Seen};
 use super::model::Model;
-use super::reference::Reference;
+use super::reference::{Pacing, Reference, ReferenceTarget};
 use crate::rod::Manipulator;
 
 /// Unit vectors, one a magnet, base to tip; entries past the rig's magnets are zero.
@@ -76,6 +75,9 @@ pub struct CycleOutcome {
     pub measured: Directions,
     /// Tangents that the model predicts for the present actuation.
     pub predicted: Directions,
+    /// Bias of the model: of every magnet the rotation vector from its predicted tangent to where it is taken to be, rad, world;
+    /// zero where it is not estimated.
+    pub bias: [[f64; 3]; MAGNETS_MAX],
     /// The model's health.
     pub model: ModelReport,
     /// Ratio of the largest to the smallest singular value in use of the scaled Jacobian.
@@ -94,6 +96,7 @@ impl CycleOutcome {
             desired: UP,
             measured: UP,
             predicted: UP,
+            bias: [[0.0; 3]; MAGNETS_MAX],
             model: ModelReport {
                 converged: true,
                 residual: 0.0,
@@ -136,9 +139,8 @@ pub struct Cycle {
     held_at: PoseSource,
     error: OrientationError,
     reference: Reference,
-    law: ProportionalIntegral,
+    feedback: Feedback,
     allocation: Allocation,
-    response_delay: f64,
     magnets: usize,
     coils: usize,
     measured: [Option<Vector3<f64>>; MAGNETS_MAX],
@@ -172,10 +174,9 @@ impl Cycle {
             held_at: chosen.map_or(PoseSource::Modelled, |chosen| chosen.magnet_poses),
             model: Model::new(description, manipulator, config.passes_max),
             error: OrientationError::new(config.orientation_error, &base),
-            reference: Reference::new(magnets, config.reference_time_constant_ms * 1e-3),
-            law: ProportionalIntegral::new(rows, config.proportional_per_s, config.integral_per_s2),
+            reference: Reference::new(magnets, &Pacing::new(config, description)),
+            feedback: Feedback::new(config, magnets),
             allocation: Allocation::new(config, description, rows),
-            response_delay: config.response_delay_ms * 1e-3,
             magnets,
             coils,
             measured: [None; MAGNETS_MAX],
@@ -236,14 +237,18 @@ impl Cycle {
         self.measured[magnet].unwrap_or_else(|| self.model.tangent(magnet))
     }
 
+    /// Where a magnet is taken to be.
+    fn actual(&self, magnet: usize) -> Vector3<f64> {
+        self.feedback.actual(magnet, &self.tangent(magnet), &self.model.tangent(magnet))
+    }
+
     /// Error and wanted velocity of every row, and the rows of the Jacobian.
     fn fill_rows(&mut self, age: f64) {
-        let past = self.reference.past(age + self.response_delay);
+        let compared = self.feedback.desired(age);
         let parameters = self.rows.jacobian.len() / self.rows.error.len().max(1);
         let present = self.reference.directions();
         for magnet in 0..self.magnets {
-            let measured = self.tangent(magnet);
-            let error = self.error.rows(&measured, &Vector3::from(past[magnet]));
+            let error = self.error.rows(&self.actual(magnet), &Vector3::from(compared[magnet]));
             let desired = Vector3::from(present[magnet]);
             let forward = self.error.map(&desired, &desired) * self.reference.velocity(magnet);
             for row in 0..2 {
@@ -257,7 +262,7 @@ impl Cycle {
                 Some(algorithm_1) => differenced_rows(algorithm_1, &self.error, magnet, &desired, target),
             }
         }
-        self.law.add_velocity(&self.rows.error, &mut self.rows.velocity);
+        self.feedback.add_velocity(&self.rows.error, &mut self.rows.velocity);
     }
 
     /// Steers: chooses increments and lets the law know what the limits left of its wish.
@@ -281,7 +286,7 @@ impl Cycle {
             let step: f64 = row.iter().zip(increment).map(|(entry, change)| entry * change).sum();
             *achieved = step / input.period;
         }
-        self.law.integrate(&rows.error, &rows.velocity, &rows.achieved, input.period);
+        self.feedback.integrate(&rows.error, &rows.velocity, &rows.achieved, input.period);
         let mut request = input.admitted;
         let parameters = request.current_a[..self.coils].iter_mut().chain(&mut request.angle_rad);
         for (parameter, change) in parameters.zip(increment) {
@@ -290,14 +295,21 @@ impl Cycle {
         (request, allocated.condition, allocated.saturated)
     }
 
-    /// Puts law and reference at rest where the magnets are, so that steering starts without a bump.
-    fn rest(&mut self) {
+    /// Puts feedback and reference at rest where the magnets are, so that steering starts without a bump.
+    fn rest(&mut self, admitted: &Actuation) {
         let mut directions = [Vector3::zeros(); MAGNETS_MAX];
         for (magnet, direction) in directions.iter_mut().enumerate().take(self.magnets) {
-            *direction = self.tangent(magnet);
+            *direction = self.actual(magnet);
         }
-        self.reference.reset(&directions);
-        self.law.reset();
+        self.reference.reset(&directions, &admitted.angle_rad);
+        self.feedback.reset(&self.reference.directions());
+    }
+
+    /// Moves the reference on.
+    fn lead(&mut self, input: &CycleInput) {
+        let target = ReferenceTarget { directions: input.target, frame_angles: None };
+        self.reference.advance(&target, input.period);
+        self.feedback.follow(&self.reference.directions(), input.period);
     }
 
     fn directions(&self, of: impl Fn(&Self, usize) -> Vector3<f64>) -> Directions {
@@ -364,22 +376,31 @@ impl Step for Cycle {
         }
         let mut report = self.model.follow(&input.measured);
         self.share_jacobian(input, &mut report);
+        let predicted = self.directions(|cycle, magnet| cycle.model.tangent(magnet));
+        self.feedback.observe(&Seen {
+            fresh: input.pose.as_ref().filter(|_| input.pose_is_fresh),
+            age: input.pose_age,
+            predicted: &predicted,
+            converged: report.converged,
+            period: input.period,
+        });
         let mut outcome = CycleOutcome {
             request: input.admitted,
             desired: Directions::default(),
             measured: self.directions(|cycle, magnet| cycle.measured[magnet].unwrap_or_default()),
-            predicted: self.directions(|cycle, magnet| cycle.model.tangent(magnet)),
+            predicted,
+            bias: self.feedback.bias(),
             model: report,
             condition: 0.0,
             saturated: 0,
         };
         let can_steer = input.engaged && input.pose.is_some() && self.has_jacobian() && input.period > 0.0;
         if can_steer {
-            self.reference.advance(&input.target, input.period);
+            self.lead(input);
             self.fill_rows(input.pose_age);
             (outcome.request, outcome.condition, outcome.saturated) = self.steer(input);
         } else {
-            self.rest();
+            self.rest(&input.admitted);
         }
         outcome.desired = self.reference.directions();
         outcome

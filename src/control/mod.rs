@@ -1,16 +1,19 @@
 //! The controller: from measured tangents to requested currents and angles.
 //!
-//! `reference` smooths the targets, `error` compares measured and desired tangents, `integral` turns the error into a wanted
-//! velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties them to the
+//! `reference` shapes the targets, `feedback` decides what it is compared with (late measurements, or the model with its bias as `disturbance` estimates
+//! it), `error` compares tangents, `integral` turns the error into a wanted velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties them to the
 //! model's statics and orientation Jacobian: the exact one, or the paper's `algorithm_1`. What is absent: a clock, a channel, an allocation after construction.
 
 mod algorithm_1;
 mod allocation;
 mod config;
 mod cycle;
+mod disturbance;
 mod error;
+mod feedback;
 mod integral;
 mod model;
+mod past;
 pub mod plan;
 mod reference;
 
@@ -21,7 +24,9 @@ pub use algorithm_1::{Algorithm1, Algorithm1Config, HeldPose, JacobianKind, Pose
 pub use allocation::{Allocated, Allocation, AllocationKind, Wish};
 pub use config::{ControlConfig, FrameUse};
 pub use cycle::{Cycle, CycleInput, CycleOutcome, Directions, ModelReport, Step};
+pub use disturbance::{Disturbance, DisturbanceConfig};
 pub use error::{OrientationError, OrientationErrorKind};
+pub use feedback::FeedbackKind;
 pub use integral::ProportionalIntegral;
 pub use model::Model;
-pub use reference::Reference;
+pub use reference::{Limits, Pacing, Reference, ReferenceTarget};

@@ -26,16 +26,26 @@ pub fn logarithm(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     }
 }
 
-/// The unit vector a share of the way along the great circle between two.
+/// Walks from the unit vector `from` along the great circle of the tangent vector `way` as far as that is long, rad: where that ends, and
+/// `carried`, a tangent vector at `from`, taken along.
 #[must_use]
-pub fn along_great_circle(from: &Vector3<f64>, to: &Vector3<f64>, share: f64) -> Vector3<f64> {
-    let way = logarithm(from, to);
+pub fn along_great_circle(
+    from: &Vector3<f64>,
+    way: &Vector3<f64>,
+    carried: &Vector3<f64>,
+) -> (Vector3<f64>, Vector3<f64>) {
     let angle = way.norm();
-    if angle < 1e-12 {
-        return *to;
+    if angle == 0.0 {
+        return (*from, *carried);
     }
-    let (sine, cosine) = (angle * share).sin_cos();
-    from * cosine + way * (sine / angle)
+    let ahead = way / angle;
+    let (sine, cosine) = angle.sin_cos();
+    let reached = (from * cosine + ahead * sine).normalize();
+    // What points ahead turns with the way; what lies across stays.
+    let forward = carried.dot(&ahead);
+    let turned = carried + (ahead * (cosine - 1.0) - from * sine) * forward;
+    // Without this, rounding would lift it out of the tangent plane in the long run.
+    (reached, turned - reached * reached.dot(&turned))
 }
 
 /// Two unit vectors that complete `normal` to a right-handed orthonormal basis, continuous except
@@ -112,10 +122,26 @@ mod tests {
                 let angle = tangent.norm();
                 assert!(tangent.dot(&from).abs() < 1e-12);
                 assert!((angle - angle_between(&from, &to)).abs() < 1e-9);
-                let reached =
-                    if angle == 0.0 { from } else { from * angle.cos() + tangent * (angle.sin() / angle) };
+                let (reached, _) = along_great_circle(&from, &tangent, &Vector3::zeros());
                 // Opposite vectors may be reached along any great circle.
                 assert!((reached - to).norm() < 1e-9, "{from} to {to}");
+            }
+        }
+    }
+
+    /// Goal: what is carried along keeps its length and its angle with the way, and stays a tangent vector.
+    #[test]
+    fn carried_vectors_keep_length_and_angle_with_the_way() {
+        for from in directions() {
+            for to in directions() {
+                let way = logarithm(&from, &to);
+                let [first, second] = orthonormal_complement(&from);
+                let carried = first * 0.3 - second * 2.0;
+                let (reached, there) = along_great_circle(&from, &way, &carried);
+                assert!(there.dot(&reached).abs() < 1e-12);
+                assert!((there.norm() - carried.norm()).abs() < 1e-12);
+                let (_, ahead) = along_great_circle(&from, &way, &way);
+                assert!((there.dot(&ahead) - carried.dot(&way)).abs() < 1e-9);
             }
         }
     }

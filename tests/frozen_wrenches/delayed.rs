@@ -6,7 +6,9 @@
 use std::collections::VecDeque;
 use std::f64::consts::FRAC_PI_2;
 
-use magsteer::control::{ControlConfig, Cycle, CycleInput, CycleOutcome, Directions, JacobianKind, Step};
+use magsteer::control::{
+    ControlConfig, Cycle, CycleInput, CycleOutcome, Directions, FeedbackKind, JacobianKind, Step,
+};
 use magsteer::rod::Pass;
 use magsteer_hal::{Actuation, MagnetPose, PoseMessage};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -35,6 +37,9 @@ impl<'a> DelayedRig<'a> {
         control.jacobian = jacobian;
         (control.current_release_per_s, control.stability_rate_per_s) = (0.0, 0.0);
         control.damping = 1e-9;
+        control.feedback = FeedbackKind::DelayedReference;
+        // Steps of the target are to reach the law as they are.
+        (control.reference_speed_max_deg_per_s, control.reference_acceleration_max_deg_per_s2) = (1e5, 1e7);
         control.reference_time_constant_ms = 0.0;
         control.response_delay_ms = 0.0;
         let algorithm_1 = control.algorithm_1.as_mut().expect("shipped");

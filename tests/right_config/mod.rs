@@ -64,8 +64,12 @@ passes_max = 2000
 [control]
 orientation_error = "tangent-plane"
 jacobian = "exact"
+feedback = "delayed-reference"
 proportional_per_s = 5.0
 integral_per_s2 = 0.0
+reference_speed_max_deg_per_s = 300.0
+reference_acceleration_max_deg_per_s2 = 2000.0
+reference_frame_acceleration_max_deg_per_s2 = 150.0
 reference_time_constant_ms = 60.0
 response_delay_ms = 25.0
 allocation = "bounded"

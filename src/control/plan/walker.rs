@@ -15,7 +15,7 @@ use crate::control::config::{ControlConfig, FrameUse};
 use crate::control::cycle::{Directions, exact_rows};
 use crate::control::error::{OrientationError, OrientationErrorKind};
 use crate::control::model::Model;
-use crate::math::{along_great_circle, angle_between};
+use crate::math::{along_great_circle, angle_between, logarithm};
 use crate::rod::Manipulator;
 
 /// Greatest turn of a magnet between two stations of a walk, rad: some percent of what changes the Jacobian.
@@ -290,7 +290,9 @@ impl Walker {
     fn between(&self, from: &Waypoint, to: &Waypoint, share: f64) -> Waypoint {
         let mut there = *to;
         for ((there, from), to) in there.directions.iter_mut().zip(&from.directions).zip(&to.directions) {
-            *there = along_great_circle(&Vector3::from(*from), &Vector3::from(*to), share).into();
+            let (from, to) = (Vector3::from(*from), Vector3::from(*to));
+            let way = logarithm(&from, &to) * share;
+            *there = along_great_circle(&from, &way, &Vector3::zeros()).0.into();
         }
         for ((there, from), to) in there.frame_angles.iter_mut().zip(&from.frame_angles).zip(&to.frame_angles)
         {

@@ -1,0 +1,213 @@
+//! The bias of the model: by how much the magnets point elsewhere than the statics say, learnt from late and noisy measurements.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | `p` | tangent that the model predicts for the measured actuation, as the rod would have answered by now |
+//! | `m` | measured tangent, true some `age` ago |
+//! | `b` | bias: the shortest rotation from `p` to `m` as a rotation vector, rad, world; one a magnet |
+//! | `T` | time constant of its estimate, s |
+//!
+//! The statics know where the rod comes to rest, and not how it gets there. Predictions are therefore passed through the rod's first mode, a
+//! second-order response of frequency `f` and damping ratio `z`, and remembered; a pose is compared with the prediction of its own moment, however
+//! late it comes. What then differs is the model's error, and whatever else turns the magnets, not the rod's motion. It is filtered with `T` over the
+//! time between exposures, whatever their rate. Tangents out of line by more than is credible move the estimate no more than the
+//! credible would: a jump, or a sensor that lies for a while, shifts it slowly.
+//!
+//! The controller then steers the corrected prediction `R(b) p`, at present and without noise, to the reference: internal model control, a Smith
+//! predictor for a static model (Morari, Zafiriou: Robust Process Control, 1989, chapters 2 and 3). The loop around the sensor closes through the
+//! model's error alone, so that a late sensor makes it slower to learn and not unstable; actuators at their limits are the model's too, and
+//! nothing winds up.
+
+use magsteer_hal::{MAGNETS_MAX, PoseMessage};
+use nalgebra::{Rotation3, Vector3};
+use serde::{Deserialize, Serialize};
+
+use magsteer_hal::invalid::Checks;
+
+use super::cycle::Directions;
+use super::past::Past;
+use crate::math::logarithm;
+
+/// Longest time between exposures that counts, in time constants: after a pause one tangent is still only one.
+const PAUSE_MAX: f64 = 0.5;
+
+/// `[control.disturbance]`: how the model's bias is learnt.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DisturbanceConfig {
+    /// Gain with which the corrected prediction follows the reference, 1/s, > 0.
+    pub tracking_per_s: f64,
+    /// Time constant of the estimate, ms, > 0.
+    pub time_constant_ms: f64,
+    /// Frequency of the manipulator's first mode, Hz, > 0.
+    pub mode_frequency_hz: f64,
+    /// Its damping ratio, above 0 and below 1.
+    pub mode_damping_ratio: f64,
+    /// By how much more the measured actuation lags behind the field, ms, 0 to 400.
+    pub delay_ms: f64,
+    /// Greatest difference between a tangent and its estimate that counts in full, deg, > 0.
+    pub innovation_max_deg: f64,
+}
+
+impl DisturbanceConfig {
+    /// Adds every value out of its range.
+    pub fn check(&self, checks: &mut Checks) {
+        checks.within("control.disturbance.tracking_per_s", self.tracking_per_s, 1e-3, 1e3);
+        checks.within("control.disturbance.time_constant_ms", self.time_constant_ms, 1e-3, 1e6);
+        checks.within("control.disturbance.mode_frequency_hz", self.mode_frequency_hz, 1e-3, 1e6);
+        checks.within("control.disturbance.mode_damping_ratio", self.mode_damping_ratio, 1e-3, 0.999);
+        checks.within("control.disturbance.delay_ms", self.delay_ms, 0.0, 400.0);
+        checks.within("control.disturbance.innovation_max_deg", self.innovation_max_deg, 1e-3, 180.0);
+    }
+}
+
+/// One cycle's share of what the estimate learns from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Prediction<'a> {
+    /// Tangents of the model at the measured actuation.
+    pub(super) tangents: &'a Directions,
+    /// False while the model has not caught up with the actuation.
+    pub(super) converged: bool,
+    /// Time since the previous cycle, s.
+    pub(super) period: f64,
+}
+
+/// The estimate.
+#[derive(Debug, Clone)]
+pub struct Disturbance {
+    magnets: usize,
+    time_constant: f64,
+    innovation_max: f64,
+    delay: f64,
+    mode: Mode,
+    past: Past,
+    /// Time since the first prediction, s.
+    elapsed: f64,
+    /// When the model had last not caught up.
+    astray: f64,
+    magnet: [Estimate; MAGNETS_MAX],
+}
+
+/// What is known of one magnet.
+#[derive(Debug, Clone, Copy)]
+struct Estimate {
+    bias: Vector3<f64>,
+    /// Exposure of the newest tangent that counted; none before the first.
+    exposed: Option<f64>,
+}
+
+impl Disturbance {
+    /// An estimate for so many magnets, of which nothing is known.
+    #[must_use]
+    pub fn new(config: &DisturbanceConfig, magnets: usize) -> Self {
+        Self {
+            magnets,
+            time_constant: config.time_constant_ms * 1e-3,
+            innovation_max: config.innovation_max_deg.to_radians(),
+            delay: config.delay_ms * 1e-3,
+            mode: Mode::new(config.mode_frequency_hz, config.mode_damping_ratio),
+            past: Past::new(),
+            elapsed: 0.0,
+            astray: f64::NEG_INFINITY,
+            magnet: [Estimate { bias: Vector3::zeros(), exposed: None }; MAGNETS_MAX],
+        }
+    }
+
+    /// Takes one cycle's prediction; call it every cycle.
+    pub(super) fn predict(&mut self, prediction: &Prediction<'_>) {
+        self.elapsed += prediction.period;
+        if !prediction.converged {
+            self.astray = self.elapsed;
+        }
+        let answered = self.mode.answer(prediction.tangents, self.magnets, prediction.period);
+        self.past.push(&answered, prediction.period);
+    }
+
+    /// Learns from poses that were true `age` seconds ago; call it once for each.
+    pub(super) fn learn(&mut self, pose: &PoseMessage, age: f64) {
+        let exposed = self.elapsed - age;
+        if exposed <= self.astray {
+            return;
+        }
+        let past = self.past.at(age + self.delay);
+        for ((estimate, magnet), then) in
+            self.magnet.iter_mut().zip(&pose.magnets).zip(&past).take(self.magnets)
+        {
+            if magnet.valid != 1 {
+                continue;
+            }
+            let (then, measured) = (Vector3::from(*then), Vector3::from(magnet.tangent()).normalize());
+            let seen = rotation_between(&then, &measured);
+            if !seen.x.is_finite() || then == Vector3::zeros() {
+                continue;
+            }
+            let Some(before) = estimate.exposed else {
+                *estimate = Estimate { bias: seen, exposed: Some(exposed) };
+                continue;
+            };
+            let span = (exposed - before).clamp(0.0, PAUSE_MAX * self.time_constant);
+            let innovation = seen - estimate.bias;
+            let credible = (self.innovation_max / innovation.norm().max(f64::MIN_POSITIVE)).min(1.0);
+            let share = -(-span / self.time_constant).exp_m1();
+            estimate.bias += innovation * (credible * share);
+            estimate.exposed = Some(exposed.max(before));
+        }
+    }
+
+    /// A magnet's predicted tangent with the bias.
+    pub(super) fn corrected(&self, magnet: usize, predicted: &Vector3<f64>) -> Vector3<f64> {
+        Rotation3::new(self.magnet[magnet].bias) * predicted
+    }
+
+    /// Bias of every magnet: rotation vector from the prediction to what was measured, rad, world.
+    pub(super) fn bias(&self) -> Directions {
+        self.magnet.map(|estimate| estimate.bias.into())
+    }
+}
+
+/// The shortest rotation between two unit vectors, as a rotation vector, rad.
+fn rotation_between(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+    from.cross(&logarithm(from, to))
+}
+
+/// The response of the rod's first mode to where it would rest: `x'' + 2 z w x' + w^2 x = w^2 p`, every component alike.
+#[derive(Debug, Clone)]
+struct Mode {
+    /// `w`, rad/s.
+    frequency: f64,
+    damping: f64,
+    /// `x`, and `x' / w`; unknown before the first prediction.
+    state: Option<[[Vector3<f64>; 2]; MAGNETS_MAX]>,
+}
+
+impl Mode {
+    fn new(frequency_hz: f64, damping: f64) -> Self {
+        Self { frequency: std::f64::consts::TAU * frequency_hz, damping, state: None }
+    }
+
+    /// Where the rod is `period` seconds later, with `resting` held meanwhile: exact, whatever the period.
+    fn answer(&mut self, resting: &Directions, magnets: usize, period: f64) -> Directions {
+        let at_rest = || resting.map(|tangent| [Vector3::from(tangent), Vector3::zeros()]);
+        let state = self.state.get_or_insert_with(at_rest);
+        let damped = (1.0 - self.damping * self.damping).sqrt();
+        let time = self.frequency * period;
+        let decay = (-self.damping * time).exp();
+        let (sine, cosine) = (damped * time).sin_cos();
+        let (sine, cosine) = (decay * sine / damped, decay * cosine);
+        let mut answered = *resting;
+        for ((state, answered), resting) in state.iter_mut().zip(&mut answered).zip(resting).take(magnets) {
+            let resting = Vector3::from(*resting);
+            let [place, speed] = *state;
+            let away = place - resting;
+            *state = [
+                resting + away * (cosine + self.damping * sine) + speed * sine,
+                speed * (cosine - self.damping * sine) - away * sine,
+            ];
+            *answered = state[0].into();
+        }
+        answered
+    }
+}
+
+#[cfg(test)]
+mod tests;
