@@ -58,8 +58,10 @@ pub struct ModelReport {
     pub passes: u32,
     /// Cycles since the equilibrium to which the Jacobian in use belongs; 0 when it is this cycle's.
     pub jacobian_age: u32,
-    /// Margin of stability of the last good equilibrium: 1 for the rod at rest, 0 where it snaps through.
+    /// Margin of stability of the last good equilibrium: 1 for the unloaded rod, 0 where it snaps through, negative beyond.
     pub margin: f64,
+    /// Number of ways in which the rod would leave that equilibrium by itself; 0 when it is stable.
+    pub unstable_modes: u32,
     /// False when a magnet lies outside the field model's range.
     pub field_valid: bool,
 }
@@ -103,6 +105,7 @@ impl CycleOutcome {
                 passes: 1,
                 jacobian_age: 0,
                 margin: 1.0,
+                unstable_modes: 0,
                 field_valid: true,
             },
             condition: 1.0,

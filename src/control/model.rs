@@ -6,7 +6,7 @@
 //! starts again from the last equilibrium, half as far, until it has caught up; where that branch has ended it begins anew from rest.
 //!
 //! Magnetic stiffness can make an equilibrium lose its stability long before a current meets its limit: the rod snaps through. The
-//! determinant of the residual's Jacobian, 1 at rest and 0 there, is the margin. Its gradient with the actuation comes
+//! lowest eigenvalue of its second variation, 1 without loads and 0 there, is the margin. Its gradient with the actuation comes
 //! from one extra pass a cycle, for one parameter after another, so that the allocation can keep away.
 
 use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
@@ -15,7 +15,7 @@ use nalgebra::{Vector3, Vector6};
 use super::algorithm_1::{HeldPose, Present};
 use super::cycle::ModelReport;
 use crate::magnetics::{ActuatedArray, AppliedField, CoilArray, FieldSample, PARAMETERS_MAX, PosedArray};
-use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
+use crate::rod::{Manipulator, Pass, PassMode, Stability, TipLoad};
 
 /// Scaled residual below which a pass's sensitivities are used: the distance to equilibrium is then some 1e-4 of the
 /// rod's full deflection, far below the sensor's noise.
@@ -50,7 +50,7 @@ pub struct Model {
 /// Margin of stability and how it changes with the actuation.
 #[derive(Debug, Clone)]
 struct Margin {
-    value: f64,
+    stability: Stability,
     gradient: Vec<f64>,
     /// Parameter probed next.
     cursor: usize,
@@ -118,7 +118,7 @@ impl Model {
         };
         anchor.settle(&Actuation::default(), &pass);
         let margin = Margin {
-            value: pass.determinant(),
+            stability: manipulator.stability(&mut pass),
             gradient: vec![0.0; steps.len()],
             cursor: 0,
             steps,
@@ -166,7 +166,8 @@ impl Model {
             residual,
             passes,
             jacobian_age: self.good.age.unwrap_or(u32::MAX),
-            margin: self.margin.value,
+            margin: self.margin.stability.margin,
+            unstable_modes: self.margin.stability.unstable_modes,
             field_valid: self.pass.field_valid(),
         }
     }
@@ -233,10 +234,10 @@ impl Model {
         self.good.jacobian[magnet].each_ref().map(|row| &row[..parameters])
     }
 
-    /// Margin of stability of the last good equilibrium: 1 for the rod at rest, 0 where it snaps through.
+    /// Margin of stability of the last good equilibrium: 1 for the unloaded rod, 0 where it snaps through.
     #[must_use]
     pub fn margin(&self) -> f64 {
-        self.margin.value
+        self.margin.stability.margin
     }
 
     /// Change of the margin with every actuation parameter, 1/A and 1/rad; each entry at most as many cycles old
@@ -249,7 +250,7 @@ impl Model {
     /// Renews the margin, and one entry of its gradient by a pass beside the present actuation.
     fn probe_margin(&mut self, actuation: &Actuation) {
         let margin = &mut self.margin;
-        margin.value = self.pass.determinant();
+        margin.stability = self.manipulator.stability(&mut self.pass);
         if margin.steps.is_empty() {
             return;
         }
@@ -268,7 +269,8 @@ impl Model {
         let Some(correction) = self.pass.newton_step() else { return };
         let unknowns = self.pass.unknowns() + correction + self.pass.unknowns_derivative(parameter) * step;
         self.manipulator.pass(&field, &TipLoad::NONE, &unknowns, PassMode::default(), &mut margin.pass);
-        let change = (margin.pass.determinant() - margin.value) / step;
+        let there = self.manipulator.margin_beside(&self.pass, &mut margin.pass);
+        let change = (there - margin.stability.margin) / step;
         if change.is_finite() {
             margin.gradient[parameter] = change;
         }

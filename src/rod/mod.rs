@@ -23,6 +23,7 @@ mod section;
 mod shape;
 mod shooting;
 mod solve;
+mod stability;
 mod state;
 mod transition;
 
@@ -37,3 +38,4 @@ pub use manipulator::Manipulator;
 pub use pass::{MagnetPass, Pass, PassMode, TipLoad};
 pub use shape::Station;
 pub use solve::{Failure, Outcome, Solution};
+pub use stability::Stability;

@@ -2,11 +2,12 @@
 
 use nalgebra::{Matrix3, Vector3, Vector6};
 
-use crate::magnetics::{FieldSample, PARAMETERS_MAX};
+use crate::magnetics::{FieldGradient, FieldSample, FieldSecondGradient, PARAMETERS_MAX};
 use crate::math::{Lu, Pair, Triple};
 
 use super::magnet::Wrenches;
 use super::manipulator::{Manipulator, Part};
+use super::stability::Chain;
 use super::state::{Frame, State};
 use super::transition::{Columns, PAIRS_CLAMPED, Rows};
 
@@ -53,6 +54,8 @@ pub struct MagnetPass {
     pub(super) center: Triple,
     pub(super) frame: Frame,
     pub(super) field: Vector3<f64>,
+    pub(super) gradient: FieldGradient,
+    pub(super) second_gradient: FieldSecondGradient,
     pub(super) force: Triple,
     pub(super) weight: Triple,
     pub(super) torque: Triple,
@@ -76,6 +79,8 @@ impl MagnetPass {
             center: Triple::default(),
             frame,
             field: Vector3::zeros(),
+            gradient: FieldGradient::default(),
+            second_gradient: FieldSecondGradient::default(),
             force: Triple::default(),
             weight: Triple::default(),
             torque: Triple::default(),
@@ -161,6 +166,8 @@ pub struct Pass {
     pub(super) actuation: [Columns<PAIRS_BLOCK>; BLOCKS_MAX],
     /// Orientation of every part's end at the last accepted step of a continuation.
     pub(super) accepted: Vec<Frame>,
+    /// The second variation.
+    pub(super) chain: Chain,
 }
 
 impl Pass {
@@ -191,6 +198,7 @@ impl Pass {
             base: Columns::default(),
             actuation: core::array::from_fn(|_| Columns::default()),
             accepted: vec![state.frame; cuts],
+            chain: Chain::new(&manipulator.parts),
         }
     }
 

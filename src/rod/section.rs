@@ -148,9 +148,25 @@ impl Section {
         ]
     }
 
+    /// Torsional stiffness `GJ`, N m^2.
+    pub(super) fn torsion_stiffness(&self) -> f64 {
+        self.bending_stiffness / (1.0 + self.twist)
+    }
+
+    /// Shear and axial stiffness `GA`, `EA`, N; infinite when it can neither shear nor stretch.
+    pub(super) fn extensional_stiffness(&self) -> [f64; 2] {
+        [self.shear, self.shear + self.stretch].map(|scaled| 1.0 / (scaled * self.force_scale))
+    }
+
+    /// `v` (r1) where the tangent is `t` and the scaled force `nu`.
+    #[inline(always)]
+    pub(super) fn velocity(&self, t: Triple, nu: Triple) -> Triple {
+        t.scaled(1.0 + self.stretch * t.dot(nu)) + nu.scaled(self.shear)
+    }
+
     /// The rates (r6).
     #[inline(always)]
-    fn rates<const EXTENSIBLE: bool, const CURVED: bool>(&self, y: &Node) -> Rates {
+    pub(super) fn rates<const EXTENSIBLE: bool, const CURVED: bool>(&self, y: &Node) -> Rates {
         let d2 = y.t.cross(y.d1);
         let lateral = y.nu.cross(y.t);
         let mut rates = Rates {
@@ -241,11 +257,11 @@ impl Node {
 }
 
 /// Rates per half a step and what they are made of.
-struct Rates {
+pub(super) struct Rates {
     p: Triple,
-    t: Triple,
+    pub t: Triple,
     d1: Triple,
-    mu: Triple,
+    pub mu: Triple,
     d2: Triple,
     sigma: f64,
     torsion: f64,

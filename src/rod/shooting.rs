@@ -186,6 +186,8 @@ fn cross_magnet<const FULL: bool>(
     out.center = magnet.center(state);
     out.frame = state.frame;
     out.field = pass.sample.field;
+    out.gradient = pass.sample.gradient;
+    out.second_gradient = pass.sample.second_gradient;
     out.field_valid = pass.sample.valid;
     let jump = magnet.cross(state, pass.gravity, &pass.sample, mode.wrenches);
     out.force = jump.force;

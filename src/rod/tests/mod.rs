@@ -6,3 +6,4 @@ mod invariants;
 mod jacobian;
 mod reference;
 mod solving;
+mod stability;
