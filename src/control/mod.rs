@@ -2,13 +2,15 @@
 //!
 //! `reference` smooths the targets, `error` compares measured and desired tangents, `integral` turns the error into a wanted
 //! velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties them to the
-//! model's statics and orientation Jacobian: the exact one, or the paper's `algorithm_1`. What is absent: a clock, a channel, an allocation after construction.
+//! model's statics and orientation Jacobian: the exact one, or the paper's `algorithm_1`. [`identification`] estimates, between
+//! runs, what the model should believe in. What is absent: a clock, a channel, an allocation after construction (but between runs).
 
 mod algorithm_1;
 mod allocation;
 mod config;
 mod cycle;
 mod error;
+pub mod identification;
 mod integral;
 mod model;
 mod reference;
