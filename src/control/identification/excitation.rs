@@ -6,10 +6,12 @@
 //! **Method.** Each draw is uniform within a share of every range. It is taken when the model reaches its equilibrium
 //! from rest without losing stability, and also along the straight line from the draw before, by the same branch; when the
 //! determinant of the residual's Jacobian (1 at rest, 0 where the rod snaps through) stays above a margin all along;
-//! and when every magnet stays where the field model holds. A draw that fails is halved towards zero currents, then
-//! another one is made. The same seed gives the same draws.
+//! when every magnet stays where the field model holds; and when a quarter more current would turn no magnet far: so a rod
+//! that is softer or more magnetic than the model by some ten percent bears the draw as well. A draw that fails is
+//! lessened towards zero currents, then another one is made. The same seed gives the same draws.
 
 use magsteer_hal::{Actuation, HardwareDescription};
+use nalgebra::{Vector3, Vector6};
 
 use crate::magnetics::{AppliedField, CoilArray, FieldSample};
 use crate::math::SplitMix;
@@ -17,8 +19,10 @@ use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
 
 /// Points looked at on the way from one draw to the next.
 const WAYPOINTS: u32 = 12;
-/// Halvings of a draw before another one is made.
-const HALVINGS_MAX: u32 = 4;
+/// Factor on a draw that failed, and how often it is applied before another draw is made.
+const LESSENED: (f64, u32) = (0.7, 6);
+/// Factor on all currents under which a draw must be stable too, and the angle by which it may turn a magnet, rad.
+const OVERLOAD: (f64, f64) = (1.25, 0.26);
 /// Draws for each equilibrium that is wanted, on the average, before giving up.
 const DRAWS_MAX: usize = 50;
 /// Angle by which tangents reached by two ways may differ, rad: of the tolerance of a solve, not of another branch.
@@ -70,12 +74,12 @@ pub fn excitations(
         }
         let from = found.last().copied().unwrap_or_default();
         let mut drawn = drawer.draw(&mut stream);
-        for _ in 0..=HALVINGS_MAX {
+        for _ in 0..=LESSENED.1 {
             if drawer.is_safe(&from, &drawn) {
                 found.push(drawn);
                 break;
             }
-            drawn.current_a.iter_mut().for_each(|current| *current *= 0.5);
+            drawn.current_a.iter_mut().for_each(|current| *current *= LESSENED.0);
         }
     }
     if found.len() == request.count {
@@ -93,7 +97,7 @@ impl<F: AppliedField> AppliedField for Unsteered<F> {
         0
     }
 
-    fn evaluate(&self, point: &nalgebra::Vector3<f64>, sample: &mut FieldSample) {
+    fn evaluate(&self, point: &Vector3<f64>, sample: &mut FieldSample) {
         self.0.evaluate(point, sample);
     }
 }
@@ -130,12 +134,17 @@ impl<'a> Drawer<'a> {
         drawn
     }
 
-    /// True when the rod bears what was drawn, and the way there.
+    /// True when the rod bears what was drawn, and more, and the way there.
     fn is_safe(&mut self, from: &Actuation, to: &Actuation) -> bool {
-        self.is_reached_from_rest(from) && {
-            let start = self.rest.unknowns();
-            self.is_reached_from_rest(to) && self.is_reached_along(from, to, start)
+        if !self.is_reached_from_rest(from) {
+            return false;
         }
+        let start = self.rest.unknowns();
+        let mut more = *to;
+        more.current_a.iter_mut().for_each(|current| *current *= OVERLOAD.0);
+        self.is_reached_from_rest(to)
+            && self.is_reached_along(from, to, start, SAME_BRANCH)
+            && self.is_reached_along(to, &more, self.rest.unknowns(), OVERLOAD.1)
     }
 
     fn is_reached_from_rest(&mut self, at: &Actuation) -> bool {
@@ -146,7 +155,14 @@ impl<'a> Drawer<'a> {
         solution.converged() && !solution.lost_stability && self.is_stable(&self.rest)
     }
 
-    fn is_reached_along(&mut self, from: &Actuation, to: &Actuation, start: nalgebra::Vector6<f64>) -> bool {
+    /// True when the way from an equilibrium is stable, and ends within an angle of the one reached from rest last.
+    fn is_reached_along(
+        &mut self,
+        from: &Actuation,
+        to: &Actuation,
+        start: Vector6<f64>,
+        within: f64,
+    ) -> bool {
         let mut unknowns = start;
         for step in 1..=WAYPOINTS {
             let share = f64::from(step) / f64::from(WAYPOINTS);
@@ -161,7 +177,7 @@ impl<'a> Drawer<'a> {
             unknowns = self.pass.unknowns();
         }
         let pairs = self.pass.magnets().iter().zip(self.rest.magnets());
-        pairs.into_iter().all(|(along, rest)| (along.tangent() - rest.tangent()).norm() < SAME_BRANCH)
+        pairs.into_iter().all(|(along, rest)| (along.tangent() - rest.tangent()).norm() < within)
     }
 
     fn is_stable(&self, pass: &Pass) -> bool {

@@ -37,7 +37,7 @@ const ITERATIONS_MAX: usize = 100;
 /// Damping at the start, and where no step lowers the objective any more.
 const DAMPING: [f64; 2] = [1e-3, 1e9];
 /// Step, in deviations after the data, below which a descent has ended.
-const STEP_DONE: f64 = 1e-4;
+const STEP_DONE: f64 = 1e-6;
 /// Step that may be left when rounding keeps the objective from falling.
 const STEP_ROUNDING: f64 = 1e-2;
 /// Rounds of estimating the noise from medians, then from squares.

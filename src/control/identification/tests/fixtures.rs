@@ -39,7 +39,7 @@ impl Rig {
     pub fn excitations(&self, count: usize, seed: u64) -> Vec<Actuation> {
         let manipulator = self.rod.build(&self.description).expect("shipped");
         let request =
-            ExcitationRequest { count, seed, current_share: 0.25, angle_max: 0.5, determinant_min: 0.5 };
+            ExcitationRequest { count, seed, current_share: 0.4, angle_max: 0.5, determinant_min: 0.5 };
         excitations(&self.description, &manipulator, &request).expect("the rod bears that")
     }
 

@@ -8,8 +8,8 @@ use crate::math::SplitMix;
 fn normalised_errors(runs: usize, request: &IdentifyRequest, noise: [f64; 2]) -> Vec<Vec<f64>> {
     let rig = Rig::shipped();
     let parameters = rig.parameters(&request.priors);
-    let excitations = rig.excitations(12, 52);
-    let mut stream = SplitMix::new(51);
+    let excitations = rig.excitations(10, 52);
+    let mut stream = SplitMix::new(53);
     let mut errors = vec![Vec::new(); parameters.free().len()];
     for _ in 0..runs {
         let truth = drawn(&parameters, 1.0, &mut stream);
@@ -62,5 +62,5 @@ fn errors_have_the_deviations_that_are_stated_with_them() {
 fn errors_have_the_stated_deviations_with_estimated_noise_too() {
     let noise = Noise { orientation: NoiseLevel::Estimated, position: NoiseLevel::Estimated };
     let request = IdentifyRequest { noise, priors: NARROW, ..stated(1.0, 1.0) };
-    assert_honest(&normalised_errors(120, &request, NOISE));
+    assert_honest(&normalised_errors(80, &request, NOISE));
 }
