@@ -36,5 +36,6 @@ mod sim_faults;
 mod sim_plant;
 mod status;
 mod target;
+mod tune;
 
 pub use command::run;

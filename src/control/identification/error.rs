@@ -24,7 +24,7 @@ pub enum IdentifyError {
     NothingFree,
     /// The model of the nominal parameters has no equilibrium for most samples.
     #[error(
-        "the model finds no stable equilibrium for {lost} of {samples} samples, first that of line {line}: \
+        "the model finds no stable equilibrium for {lost} of {samples} samples, first for sample {first}: \
         must be currents and angles that the rod bears without snapping through"
     )]
     NoEquilibrium {
@@ -32,8 +32,8 @@ pub enum IdentifyError {
         lost: usize,
         /// Samples given.
         samples: usize,
-        /// Line of the first of them.
-        line: usize,
+        /// Index of the first of them.
+        first: usize,
     },
     /// The parameters lead out of what a rig's tables admit.
     #[error("the rig's tables cannot be built: {0}")]

@@ -147,11 +147,7 @@ impl<'a> Fit<'a> {
         let lost = modelled.iter().filter(|modelled| modelled.is_none()).count();
         if 2 * lost > samples.len() {
             let first = modelled.iter().position(Option::is_none).unwrap_or(0);
-            return Err(IdentifyError::NoEquilibrium {
-                lost,
-                samples: samples.len(),
-                line: samples[first].line,
-            });
+            return Err(IdentifyError::NoEquilibrium { lost, samples: samples.len(), first });
         }
         let mut fit = Self {
             parameters,
@@ -164,7 +160,7 @@ impl<'a> Fit<'a> {
             modelled,
             iterations: 0,
         };
-        fit.deviations = fit.deviations.from_medians(&fit.left(&fit.blocks(&fit.modelled)));
+        fit.deviations = fit.deviations.by_medians(&fit.left(&fit.blocks(&fit.modelled)));
         Ok(fit)
     }
 
@@ -176,9 +172,9 @@ impl<'a> Fit<'a> {
             converged = self.descend(progress)?;
             let left = self.left(&self.blocks(&self.modelled));
             let new = if round < medians {
-                self.deviations.from_medians(&left)
+                self.deviations.by_medians(&left)
             } else {
-                self.deviations.from_squares(&left, self.taken())
+                self.deviations.by_squares(&left, self.taken())
             };
             let change = new.change(&self.deviations);
             if round >= medians && change < NOISE_SETTLED {
@@ -393,7 +389,7 @@ impl<'a> Fit<'a> {
             z * z * (self.outlier_sigma / z).min(1.0)
         };
         let equations: usize = blocks.iter().map(|block| block.quantity.rows()).sum();
-        let lost = self.samples.iter().zip(&self.modelled).filter(|(_, modelled)| modelled.is_none());
+        let lost = self.modelled.iter().enumerate().filter(|(_, modelled)| modelled.is_none());
         Ok(Identified {
             estimates: estimates.collect(),
             covariance,
@@ -406,14 +402,14 @@ impl<'a> Fit<'a> {
             rms_before: self.rms(&believed, &self.nominal),
             rms_after: self.rms(&believed, &self.modelled),
             outliers: self.outliers(&blocks),
-            lost: lost.map(|(sample, _)| sample.line).collect(),
+            lost: lost.map(|(sample, _)| sample).collect(),
             undetermined: self.undetermined(&blocks),
         })
     }
 
     fn outliers(&self, blocks: &[Block]) -> Vec<Outlier> {
         let of = |block: &Block| Outlier {
-            line: self.samples[block.sample].line,
+            sample: block.sample,
             magnet: block.magnet,
             quantity: block.quantity,
             sigma: self.sigma(block),

@@ -47,8 +47,8 @@ pub struct Undetermined {
 /// A block that the fit does not believe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlier {
-    /// Line of the file.
-    pub line: usize,
+    /// Index of the sample.
+    pub sample: usize,
     /// Index of the magnet.
     pub magnet: usize,
     /// What was measured.
@@ -91,7 +91,7 @@ pub struct Identified {
     pub rms_after: Rms,
     /// The greatest first.
     pub outliers: Vec<Outlier>,
-    /// Lines of samples for which the model has no stable equilibrium; they were not used.
+    /// Indices of the samples for which the model has no stable equilibrium; they were not used.
     pub lost: Vec<usize>,
     /// The least determined first.
     pub undetermined: Vec<Undetermined>,

@@ -76,7 +76,7 @@ impl Deviations {
 
     /// From the medians of the blocks, and no less than what is stated: while the model is still far off, all blocks would be
     /// outliers, of which a fit finds its way slowly.
-    pub fn from_medians(&self, left: &[Left]) -> Self {
+    pub fn by_medians(&self, left: &[Left]) -> Self {
         self.with(|index, quantity| {
             let mut squares: Vec<f64> =
                 left.iter().filter(|left| left.quantity == quantity).map(|left| left.norm.powi(2)).collect();
@@ -88,7 +88,7 @@ impl Deviations {
 
     /// What is stated, and the rest from the squares of all but outliers; `taken` are the degrees of freedom that the
     /// parameters took of each sort.
-    pub fn from_squares(&self, left: &[Left], taken: [f64; 2]) -> Self {
+    pub fn by_squares(&self, left: &[Left], taken: [f64; 2]) -> Self {
         self.with(|index, quantity| {
             if let Some(stated) = self.stated[index] {
                 return stated;

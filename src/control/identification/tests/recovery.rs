@@ -58,22 +58,22 @@ fn gross_errors_are_named_and_pull_little() {
     let (orientation, position) = (0.2 * DEGREE, 1e-4);
     blur(&mut samples, orientation, position, &mut stream);
     let mut spoiled = Vec::new();
-    for sample in samples.iter_mut().step_by(5) {
+    for (index, sample) in samples.iter_mut().enumerate().step_by(5) {
         let Some(reading) = &mut sample.magnets[0] else { continue };
         // The wrong way round, and far away.
         reading.tangent = -reading.tangent;
         reading.position = reading.position.map(|center| center + Vector3::new(0.0, 0.01, 0.005));
-        spoiled.push(sample.line);
+        spoiled.push(index);
     }
     let estimated = NoiseLevel::Estimated;
     let request =
         IdentifyRequest { noise: Noise { orientation: estimated, position: estimated }, ..stated(1.0, 1.0) };
     let found = identify(&rig.hardware, &rig.rod, &samples, &request, |_| {}).expect("enough");
     assert!(found.converged);
-    for line in spoiled {
+    for sample in spoiled {
         let named =
-            found.outliers.iter().filter(|outlier| outlier.line == line && outlier.magnet == 0).count();
-        assert_eq!(named, 2, "line {line}");
+            found.outliers.iter().filter(|outlier| outlier.sample == sample && outlier.magnet == 0).count();
+        assert_eq!(named, 2, "sample {sample}");
     }
     assert!(found.outliers.len() <= 18, "{:?}", found.outliers);
     for (estimate, truth) in found.estimates.iter().zip(&truth) {
@@ -127,5 +127,5 @@ fn what_cannot_be_estimated_is_refused_with_a_reason() {
         sample.actuation.current_a[..6].copy_from_slice(&[8.0, -8.0, -8.0, 8.0, -8.0, 8.0]);
     }
     let lost = error(&wild, &stated(1e-3, 1e-4));
-    assert!(matches!(lost, IdentifyError::NoEquilibrium { lost: 4, samples: 4, line: 2 }), "{lost}");
+    assert!(matches!(lost, IdentifyError::NoEquilibrium { lost: 4, samples: 4, first: 0 }), "{lost}");
 }
