@@ -19,6 +19,7 @@ use super::shape::Shape;
 use super::sim_plant::SimPlant;
 use super::status::Status;
 use super::target::Target;
+use super::tune::Tune;
 
 /// Steers soft continuum manipulators carrying permanent magnets with an array of mobile electromagnets.
 #[derive(Debug, Parser)]
@@ -63,6 +64,7 @@ pub enum Command {
     Check(Check),
     Field(Field),
     Shape(Shape),
+    Tune(Tune),
 }
 
 impl Command {
@@ -87,6 +89,7 @@ impl Command {
             Self::Check(command) => command.run(),
             Self::Field(command) => command.run(),
             Self::Shape(command) => command.run(),
+            Self::Tune(command) => command.run(),
         }
     }
 }

@@ -8,6 +8,7 @@ mod actuation;
 mod campaign;
 mod check;
 mod command;
+mod data_file;
 #[cfg(feature = "sim")]
 mod demo;
 mod ending;
@@ -18,6 +19,7 @@ mod field;
 mod figures;
 mod operator;
 mod output;
+mod overlay;
 mod play;
 mod rig_file;
 mod run;
@@ -34,5 +36,6 @@ mod sim_faults;
 mod sim_plant;
 mod status;
 mod target;
+mod tune;
 
 pub use command::run;

@@ -1,8 +1,11 @@
 //! The controller: from measured tangents to requested currents and angles.
 //!
-//! `reference` shapes the targets, `feedback` decides what it is compared with (late measurements, or the model with its bias as `disturbance` estimates
-//! it), `error` compares tangents, `integral` turns the error into a wanted velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties them to the
-//! model's statics and orientation Jacobian: the exact one, or the paper's `algorithm_1`. What is absent: a clock, a channel, an allocation after construction.
+//! `reference` shapes the targets; `feedback` decides what they are compared with: late measurements, or the model with its
+//! bias as `disturbance` estimates it. `error` compares tangents, `integral` turns the error into a wanted velocity, `allocation`
+//! spreads it over currents and frame angles within their limits, and `cycle` ties them to the model's statics and orientation
+//! Jacobian: the exact one, or the paper's `algorithm_1`. Between runs, [`plan`] chooses frame angles and ways, and
+//! [`identification`] estimates what the model should believe in.
+//! What is absent: a clock, a channel, an allocation after construction (but between runs).
 
 mod algorithm_1;
 mod allocation;
@@ -11,6 +14,7 @@ mod cycle;
 mod disturbance;
 mod error;
 mod feedback;
+pub mod identification;
 mod integral;
 mod model;
 mod past;

@@ -1,6 +1,7 @@
 //! Numerical tools of the layers above: no physics. Those that a control cycle uses allocate nothing in use.
 
 mod bounded_least_squares;
+pub mod csv;
 mod lu;
 mod pair;
 mod sphere;

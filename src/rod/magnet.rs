@@ -217,6 +217,11 @@ impl Jump {
         }
     }
 
+    /// Variations of force and moment beyond the magnet with the logarithm of its dipole moment.
+    pub fn by_moment(&self) -> (Triple, Triple) {
+        (-self.force, self.arm.cross(self.force) - self.torque) // (j4) to (j6): dF = F, dT = T
+    }
+
     /// Adds what the parameters `first`, `first + 1` do to the wrench, to the pair of columns `k`.
     #[inline(always)]
     pub fn actuate<const P: usize>(

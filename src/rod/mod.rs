@@ -8,12 +8,14 @@
 //! - **Pass**: one such integration that yields residual, Newton step and the Jacobian of the magnets with
 //!   every actuation parameter (`shooting`; start reading there). A controller runs one pass a cycle.
 //! - **Solve**: passes until the residual meets a tolerance, near a guess (`solve`) or from rest (`continuation`).
+//! - **Constants**: what the manipulator is, and how an equilibrium changes with it, for identification (`constants`).
 //! - **Held** wrenches stay in the world while the rod moves: the problems of the paper's Algorithm 1 (`held`).
 //!
 //! Constants are in [`Manipulator`], made by [`RodConfig::build`]; state and results are in [`Pass`], allocated once.
 //! What is absent: no pass or solve allocates, logs or panics, and nothing here knows a coil.
 
 mod config;
+mod constants;
 mod continuation;
 mod held;
 mod magnet;
@@ -31,6 +33,7 @@ mod transition;
 mod tests;
 
 pub use config::{RodConfig, SolverOptions};
+pub use constants::{ByConstants, Constant};
 pub use continuation::Scaled;
 pub use held::{HeldOptions, HeldShape, HeldSolution, ResidualDerivative};
 pub use magnet::Wrenches;

@@ -310,14 +310,40 @@ impl Column {
         &mut self,
         stages: &[Stage; 4],
     ) {
+        self.stepped::<EXTENSIBLE, FULL>(|y, stage| {
+            y.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[stage])
+        });
+    }
+
+    /// As [`Self::step`], of columns with a variation of the force of their own at each stage, N.
+    #[inline(always)]
+    pub(super) fn step_under<const EXTENSIBLE: bool, const CURVED: bool>(
+        &mut self,
+        stages: &[Stage; 4],
+        forces: &[Triple<Pair>; 4],
+    ) {
+        self.stepped::<EXTENSIBLE, true>(|y, stage| {
+            let mut rates = y.rates::<EXTENSIBLE, true, CURVED, 2>(&stages[stage]);
+            let force = forces[stage];
+            rates.mu = rates.mu + by_force(&stages[stage].m_by_force, force);
+            if EXTENSIBLE {
+                rates.p = rates.p + by_force(&stages[stage].p_by_force, force);
+            }
+            rates
+        });
+    }
+
+    /// The step (r7) with rates at a variation and a stage.
+    #[inline(always)]
+    fn stepped<const EXTENSIBLE: bool, const FULL: bool>(&mut self, rates: impl Fn(&Self, usize) -> Self) {
         let y1 = *self;
-        let k1 = y1.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[0]);
+        let k1 = rates(&y1, 0);
         let y2 = y1.moved::<FULL>(&k1);
-        let k2 = y2.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[1]);
+        let k2 = rates(&y2, 1);
         let y3 = y1.moved::<FULL>(&k2);
-        let k3 = y3.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[2]);
+        let k3 = rates(&y3, 2);
         let y4 = y1.moved::<FULL>(&k3);
-        let k4 = y4.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[3]);
+        let k4 = rates(&y4, 3);
         self.p = if EXTENSIBLE {
             y1.p + (k1.p + k2.p) + (k3.p + k4.p)
         } else {
@@ -399,6 +425,16 @@ fn units_cross(t: Triple, factor: f64) -> [Triple; 3] {
 #[inline(always)]
 fn diagonal(entry: f64) -> [Triple; 3] {
     [Triple::new(entry, 0.0, 0.0), Triple::new(0.0, entry, 0.0), Triple::new(0.0, 0.0, entry)]
+}
+
+/// What a force does, by what unit forces do.
+#[inline(always)]
+fn by_force([xy, z]: &[Triple<Pair>; 2], force: Triple<Pair>) -> Triple<Pair> {
+    let column =
+        |pair: &Triple<Pair>, pick: fn(Pair) -> Pair| Triple::new(pick(pair.x), pick(pair.y), pick(pair.z));
+    column(xy, Pair::splat_low).scaled(force.x)
+        + column(xy, Pair::splat_high).scaled(force.y)
+        + column(z, Pair::splat_low).scaled(force.z)
 }
 
 #[inline(always)]

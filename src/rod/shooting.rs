@@ -252,7 +252,7 @@ impl MagnetPass {
 
 /// Derivatives at equilibrium (s4), a vector for each pair of parameters.
 #[inline(always)]
-fn total(
+pub(super) fn total(
     by_parameters: &Rows<PAIRS_BLOCK>,
     by_base: &Rows<PAIRS_CLAMPED>,
     unknowns: &[[Pair; PAIRS_BLOCK]; 6],

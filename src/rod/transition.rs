@@ -159,6 +159,32 @@ impl Section {
         self.finish::<FULL, P>(&columns, (node.t, node.d1), &state.frame)
     }
 
+    /// As [`Self::advance`] with twist. The last column, empty there, is the derivative with the logarithm of gravity.
+    pub fn advance_weighed<const EXTENSIBLE: bool, const CURVED: bool>(
+        &self,
+        state: &mut State,
+        gravity: Triple,
+    ) -> Transition<PAIRS_FULL> {
+        let mut node = self.enter(state);
+        let mut travel = Triple::default();
+        let weight = self.weight_of_half_step(gravity);
+        let half = gravity.scaled(-self.mass_per_length * self.half_step); // of the force over half a step, by (r2)
+        let mut columns = self.unit_columns::<PAIRS_FULL>(&state.frame);
+        for index in 0..self.segments {
+            let stages = self.step::<EXTENSIBLE, CURVED>(&mut node, &mut travel, weight);
+            columns[0].step::<EXTENSIBLE, true, CURVED, 0>(&stages);
+            columns[1].step::<EXTENSIBLE, true, CURVED, 1>(&stages);
+            columns[2].step::<EXTENSIBLE, true, CURVED, 2>(&stages);
+            columns[3].step::<EXTENSIBLE, true, CURVED, 2>(&stages);
+            let halves = 2.0 * index as f64;
+            let forces = [halves, halves + 1.0, halves + 1.0, halves + 2.0];
+            let forces = forces.map(|count| Triple::of_columns(Triple::default(), half.scaled(count)));
+            columns[4].step_under::<EXTENSIBLE, CURVED>(&stages, &forces);
+        }
+        self.leave(node, travel, gravity, state);
+        self.finish::<true, PAIRS_FULL>(&columns, (node.t, node.d1), &state.frame)
+    }
+
     /// As [`Self::advance`], without variations.
     pub fn traverse<const EXTENSIBLE: bool, const CURVED: bool>(&self, state: &mut State, gravity: Triple) {
         let mut node = self.enter(state);

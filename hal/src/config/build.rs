@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::description::{
     CoilDescription, ExtensibleStiffness, FrameDescription, HardwareDescription, MagnetDescription,
-    ManipulatorDescription, PartDescription, SectionDescription, Workspace,
+    ManipulatorDescription, PartDescription, Rows3, SectionDescription, Workspace,
 };
 use crate::invalid::{Checks, Invalid};
 use crate::message::{COILS_MAX, MAGNETS_MAX, POSE_PARAMETERS_MAX};
@@ -72,6 +72,8 @@ impl HardwareConfig {
 
     fn coil(&self, key: &str, coil: &CoilConfig, checks: &mut Checks) -> Option<CoilDescription> {
         checks.positive(format!("{key}.distance_mm"), coil.distance_mm);
+        let gain = coil.gain.unwrap_or(1.0);
+        checks.positive(format!("{key}.gain"), gain);
         checks.within(format!("{key}.azimuth_deg"), coil.azimuth_deg, -360.0, 360.0);
         checks.within(format!("{key}.elevation_deg"), coil.elevation_deg, -90.0, 90.0);
         let frame = coil.frame.as_ref().and_then(|name| {
@@ -95,7 +97,7 @@ impl HardwareConfig {
         Some(CoilDescription {
             name: coil.name.clone(),
             coil_type: coil.coil_type.clone(),
-            coefficients: coil_type.coefficients_si.clone(),
+            coefficients: coil_type.coefficients_si.iter().map(|coefficient| coefficient * gain).collect(),
             valid_from_x: millimetres(coil_type.valid_from_x_mm),
             rotation,
             position: [0, 1, 2].map(|row| center[row] - rotation[row][0] * distance),
@@ -155,6 +157,17 @@ impl CoilTypeConfig {
 }
 
 impl ManipulatorConfig {
+    /// Turns the clamp to a rotation from body to world, by its tangent and its roll.
+    pub fn set_base_rotation(&mut self, rotation: &Rows3) {
+        let tangent = rotation.map(|row| row[2]);
+        let without_roll = shortest_rotation_from_z(tangent);
+        // The roll's first column is (cos, sin, 0): body x of the one rotation in the axes of the other.
+        let [cosine, sine] =
+            [0, 1].map(|axis| (0..3).map(|row| without_roll[row][axis] * rotation[row][0]).sum::<f64>());
+        self.base_tangent = tangent;
+        self.base_roll_deg = sine.atan2(cosine).to_degrees();
+    }
+
     fn build(&self, checks: &mut Checks) -> ManipulatorDescription {
         checks.finite("manipulator.base_position_mm", &self.base_position_mm);
         checks.within("manipulator.base_roll_deg", self.base_roll_deg, -360.0, 360.0);

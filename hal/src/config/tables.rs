@@ -95,6 +95,8 @@ pub struct CoilConfig {
     pub distance_mm: f64,
     /// One of `frames`; absent for a coil fixed to the world.
     pub frame: Option<String>,
+    /// Field per ampere over that of its type, > 0; 1 when absent.
+    pub gain: Option<f64>,
 }
 
 /// `[manipulator]`: the clamp and the chain of parts.

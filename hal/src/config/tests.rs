@@ -19,6 +19,7 @@ fn sound() -> HardwareConfig {
         elevation_deg,
         distance_mm,
         frame: frame.map(str::to_owned),
+        gain: None,
     };
     let section = |extensible| {
         PartConfig::Section(SectionConfig {
@@ -207,6 +208,33 @@ fn clamp_is_a_rotation_that_takes_z_to_the_tangent_without_roll() {
     assert_near(&rotation.map(|row| row[2]), &[1.0, 0.0, 0.0]);
 }
 
+#[test]
+fn a_clamp_that_is_turned_is_built_as_it_was_turned() {
+    for (tangent, roll) in [([0.6, 0.0, -0.8], 0.0), ([0.48, 0.64, 0.6], 75.0), ([-0.1, 0.2, -0.9], -160.0)] {
+        let mut config = sound();
+        config.manipulator.base_tangent = tangent;
+        config.manipulator.base_roll_deg = roll;
+        let rotation = config.build().expect("sound").manipulator.base_rotation;
+        let mut other = sound();
+        other.manipulator.set_base_rotation(&rotation);
+        let built = other.build().expect("sound").manipulator.base_rotation;
+        for (built, expected) in built.iter().zip(&rotation) {
+            assert_near(built, expected);
+        }
+    }
+}
+
+#[test]
+fn a_gain_scales_the_field_of_its_coil_alone() {
+    let mut config = sound();
+    config.coils[1].gain = Some(1.03);
+    let (built, plain) = (config.build().expect("sound"), sound().build().expect("sound"));
+    assert_eq!(built.coils[0], plain.coils[0]);
+    for (gained, plain) in built.coils[1].coefficients.iter().zip(&plain.coils[1].coefficients) {
+        assert_near(&[gained / plain], &[1.03]);
+    }
+}
+
 type Spoil = fn(&mut HardwareConfig);
 
 fn coil_type(config: &mut HardwareConfig) -> &mut CoilTypeConfig {
@@ -290,6 +318,7 @@ fn mistakes() -> Vec<(Spoil, &'static str)> {
         (|config| coil_type(config).inductance_h = 0.0, "coil_types.iron.inductance_h = 0: must be"),
         (|config| coil_type(config).supply_v = -48.0, "coil_types.iron.supply_v = -48: must be"),
         (|config| config.coils[1].distance_mm = 0.0, "coils[1].distance_mm = 0: must be finite and > 0"),
+        (|config| config.coils[1].gain = Some(-1.0), "coils[1].gain = -1: must be finite and > 0"),
         (
             |config| config.coils[0].azimuth_deg = 361.0,
             "coils[0].azimuth_deg = 361: must be from -360 to 360",

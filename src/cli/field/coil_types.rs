@@ -5,13 +5,11 @@
 //! array: each coil gets a type of its own, with the circuit of the type it had. Expansion points that moved
 //! change `distance_mm`; arrays replace as a whole, so that all coils are written.
 
-use std::fmt::Write;
-use std::path::{Component, Path, PathBuf};
-
 use magsteer::magnetics::fit::{CoilFit, FieldFit, FitRequest, Layout, OrderChoice, Refusal};
-use magsteer_hal::config::{CoilConfig, HardwareConfig};
+use magsteer_hal::config::HardwareConfig;
 
 use super::fit::Subject;
+use crate::cli::overlay::{coil_entry, key, quoted};
 
 /// How the file fits together with others.
 pub(super) struct Names {
@@ -131,6 +129,8 @@ fn coils(
     for (index, coil) in hardware.coils.iter().enumerate() {
         let mut coil = coil.clone();
         let fitted = if is_array {
+            // The fitted coefficients are of this coil alone and hold its gain.
+            coil.gain = None;
             coil.coil_type.clone_from(&names.coil_types[index]);
             Some(&found.coils[index])
         } else {
@@ -151,71 +151,7 @@ fn coils(
                 expected: "in front of the coil: check the positions, or leave out --fit-origin".to_owned(),
             });
         }
-        text += &entry(&coil);
+        text += &coil_entry(&coil);
     }
     Ok(text)
-}
-
-fn entry(coil: &CoilConfig) -> String {
-    let mut text = format!(
-        "\n[[coils]]\nname = {}\ntype = {}\nazimuth_deg = {:?}\nelevation_deg = {:?}\ndistance_mm = {:?}\n",
-        quoted(&coil.name),
-        quoted(&coil.coil_type),
-        coil.azimuth_deg,
-        coil.elevation_deg,
-        coil.distance_mm
-    );
-    if let Some(frame) = &coil.frame {
-        // Writing to a text cannot fail.
-        let _ = writeln!(text, "frame = {}", quoted(frame));
-    }
-    text
-}
-
-fn quoted(text: &str) -> String {
-    toml::Value::String(text.to_owned()).to_string()
-}
-
-/// A key of a table, quoted where it must be.
-fn key(name: &str) -> String {
-    let is_bare = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
-    if !name.is_empty() && name.chars().all(is_bare) { name.to_owned() } else { quoted(name) }
-}
-
-/// The path of `file` as seen from the folder of `from`.
-pub(super) fn path_from(from: &Path, file: &Path) -> String {
-    let absolute = |path: &Path| {
-        path.canonicalize().or_else(|_| std::path::absolute(path)).unwrap_or_else(|_| path.to_path_buf())
-    };
-    let folder = match from.parent() {
-        Some(parent) if parent != Path::new("") => absolute(parent),
-        _ => absolute(Path::new(".")),
-    };
-    let file = absolute(file);
-    let (left, right): (Vec<Component<'_>>, Vec<Component<'_>>) =
-        (folder.components().collect(), file.components().collect());
-    let common = left.iter().zip(&right).take_while(|(a, b)| a == b).count();
-    let up = std::iter::repeat_n(Component::ParentDir, left.len() - common);
-    let path: PathBuf = up.chain(right[common..].iter().copied()).collect();
-    path.display().to_string()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_path_leads_from_one_folder_to_the_other() {
-        let path = |from: &str, file: &str| path_from(Path::new(from), Path::new(file));
-        assert_eq!(path("/no/where/out.toml", "/no/where/rig.toml"), "rig.toml");
-        assert_eq!(path("/no/where/deep/out.toml", "/no/rig.toml"), "../../rig.toml");
-        assert_eq!(path("/no/out.toml", "/other/rig.toml"), "../other/rig.toml");
-    }
-
-    #[test]
-    fn a_name_that_is_no_bare_key_is_quoted() {
-        assert_eq!(key("iron-top_1"), "iron-top_1");
-        assert_eq!(key("coil 1"), "\"coil 1\"");
-        assert_eq!(key(""), "\"\"");
-    }
 }

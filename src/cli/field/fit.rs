@@ -1,11 +1,8 @@
 //! `magsteer field fit`: coefficients of the coils from measurements of their field.
 
-use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use anyhow::anyhow;
 use clap::Args;
 use magsteer::config::Config;
 use magsteer::magnetics::fit::{
@@ -15,13 +12,14 @@ use magsteer::magnetics::fit::{
 use magsteer::magnetics::{CoilArray, CoilPose};
 use magsteer_hal::config::ORDER_MAX;
 use nalgebra::Vector3;
-use sha2::{Digest, Sha256};
 
 use super::coil_types::{self, Names};
 use super::fit_answer::Answer;
 use crate::cli::actuation::{ActuationArgs, finite};
+use crate::cli::data_file;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::output;
+use crate::cli::overlay::path_from;
 
 /// A fit that leaves more than this part of the field is no model of it.
 const LEFT_MAX: f64 = 0.2;
@@ -128,12 +126,12 @@ impl Fit {
         if let (Some(out), Some(names)) = (&self.out, &names) {
             let text = coil_types::text(&subject, &found, names, &request)
                 .map_err(|words| self.refuse(Refusal { line: subject.readings.header_line, ..words }))?;
-            create(out, text.as_bytes())?;
+            data_file::create(out, text.as_bytes())?;
             files.push(out.clone());
         }
         #[cfg(feature = "figures")]
         if let Some(path) = &self.picture {
-            create(path, &super::picture::draw(&subject, &found)?)?;
+            data_file::create(path, &super::picture::draw(&subject, &found)?)?;
             files.push(path.clone());
         }
         self.print(&subject, &found, &request, &files)?;
@@ -158,19 +156,10 @@ impl Fit {
     /// Reads the data and the rig.
     fn subject(&self) -> anyhow::Result<Subject> {
         let file = self.data.display().to_string();
-        let bytes = fs::read(&self.data).map_err(|error| {
-            let reason = if error.kind() == ErrorKind::NotFound {
-                "no such file".to_owned()
-            } else {
-                error.to_string()
-            };
-            Failure::with(Exit::NoInput, anyhow!("{file}: cannot be read: {reason}: must be a CSV file"))
-        })?;
+        let bytes = data_file::read(&self.data)?;
         let readings = parse(&bytes).map_err(|refusal| self.refuse(refusal))?;
         if !readings.ends_with_line_end {
-            output::note(format_args!(
-                "note: {file}: the last line has no end: if the file was cut there, its last value is wrong"
-            ));
+            data_file::note_cut(&self.data);
         }
         let config = self.config.as_deref().map(Config::load).transpose()?.map(|(_, config)| config);
         let (poses, names) = match (readings.layout, &config) {
@@ -181,7 +170,7 @@ impl Fit {
                 return Err(Failure::usage(message));
             }
         };
-        let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let sha256 = data_file::sha256(&bytes);
         Ok(Subject { file, sha256, readings, poses, names, config })
     }
 
@@ -231,7 +220,7 @@ impl Fit {
 
     /// What the coil types in the file to be written are called.
     fn names(&self, out: &Path, subject: &Subject) -> anyhow::Result<Names> {
-        let extends = self.config.as_deref().map(|config| coil_types::path_from(out, config));
+        let extends = self.config.as_deref().map(|config| path_from(out, config));
         if subject.readings.layout == Layout::Array {
             return Ok(Names { extends, coil_types: subject.names.clone() });
         }
@@ -273,7 +262,7 @@ impl Fit {
     }
 
     fn refuse(&self, refusal: Refusal) -> anyhow::Error {
-        Failure::with(Exit::Data, anyhow!("{}:{refusal}", self.data.display()))
+        data_file::refuse(&self.data, &refusal)
     }
 }
 
@@ -311,10 +300,4 @@ fn explain(error: &FitError, subject: &Subject) -> Refusal {
         ),
     };
     Refusal { line: subject.readings.header_line, column, value, expected }
-}
-
-fn create(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    fs::write(path, bytes).map_err(|error| {
-        Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be written: {error}", path.display()))
-    })
 }

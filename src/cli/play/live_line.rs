@@ -10,18 +10,18 @@ use magsteer_hal::operator::StatusMessage;
 use crate::cli::output;
 
 /// A line on standard error that is drawn over and over on a terminal, and once elsewhere.
-pub(super) struct LiveLine {
+pub struct LiveLine {
     is_terminal: bool,
     drawn: Option<Instant>,
     text: String,
 }
 
 impl LiveLine {
-    pub(super) fn new() -> Self {
+    pub fn new() -> Self {
         Self { is_terminal: std::io::stderr().is_terminal(), drawn: None, text: String::new() }
     }
 
-    pub(super) fn draw(&mut self, text: impl FnOnce() -> String, every: Duration) {
+    pub fn draw(&mut self, text: impl FnOnce() -> String, every: Duration) {
         if self.drawn.is_some_and(|drawn| drawn.elapsed() < every) {
             return;
         }
@@ -35,7 +35,7 @@ impl LiveLine {
         }
     }
 
-    pub(super) fn end(&mut self) {
+    pub fn end(&mut self) {
         if self.is_terminal {
             // As above.
             let _ = writeln!(std::io::stderr());

@@ -9,6 +9,7 @@ mod report;
 mod session;
 mod watched;
 
+pub use live_line::LiveLine;
 pub use report::{table, timing_line};
 #[cfg(feature = "sim")]
 pub use session::Played;

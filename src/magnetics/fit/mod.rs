@@ -49,10 +49,11 @@ mod regions;
 mod scan;
 mod triangle;
 
+pub use crate::math::csv::Refusal;
 pub use error::FitError;
 pub use found::{CoilFit, FieldFit, FitRequest, OrderChoice, OrderReport, RegionReport};
 pub use parse::{ARRAY_COLUMNS, COIL_COLUMNS, parse};
 pub use plausible::{Expectation, check_units};
 pub use range::ValidRange;
-pub use readings::{Layout, Reading, Readings, Refusal};
+pub use readings::{Layout, Reading, Readings};
 pub use scan::fit;

@@ -15,8 +15,9 @@ use nalgebra::Vector3;
 use crate::magnetics::array::PosedArray;
 use crate::magnetics::multipole::{CoilPose, Multipole};
 use crate::magnetics::sample::{AppliedField, FieldSample};
+use crate::math::csv::Refusal;
 
-use super::readings::{Layout, Reading, Readings, Refusal};
+use super::readings::{Layout, Reading, Readings};
 
 /// No probe is moved further, m.
 const DISTANCE_MAX: f64 = 10.0;

@@ -1,6 +1,4 @@
-//! Measurements of the field, and why a file of them is refused.
-
-use std::fmt::{self, Display, Formatter};
+//! Measurements of the field.
 
 use nalgebra::Vector3;
 
@@ -55,38 +53,5 @@ impl Readings {
             Layout::OneCoil => "current_a".to_owned(),
             Layout::Array => format!("i{coil}"),
         }
-    }
-}
-
-/// A value of a file of measurements that is refused: where it stands, what it is, and what would be right.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Refusal {
-    /// Line, 1 first.
-    pub line: usize,
-    /// Name of the column, or what else is meant.
-    pub column: String,
-    /// The value found.
-    pub value: String,
-    /// What would have been accepted.
-    pub expected: String,
-}
-
-impl Refusal {
-    pub(super) fn new(
-        line: usize,
-        column: impl Into<String>,
-        value: impl Display,
-        expected: impl Into<String>,
-    ) -> Self {
-        Self { line, column: column.into(), value: value.to_string(), expected: expected.into() }
-    }
-}
-
-impl std::error::Error for Refusal {}
-
-impl Display for Refusal {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        let Self { line, column, value, expected } = self;
-        write!(formatter, "{line}: {column}: {value}: must be {expected}")
     }
 }

@@ -12,8 +12,10 @@ use rand_chacha::ChaCha8Rng;
 use crate::magnetics::{
     AffineField, AppliedField, FieldColumn, FieldGradient, FieldSample, FieldSecondGradient,
 };
-use crate::rod::{Manipulator, Pass, RodConfig, TipLoad};
+use crate::rod::{Manipulator, Pass, PassMode, RodConfig, TipLoad, Wrenches};
 
+/// Jacobians of rotations and positions too.
+pub const POSES: PassMode = PassMode { poses: true, wrenches: Wrenches::Following };
 /// Clamp with the tangent along +z.
 pub const UPRIGHT: Rows3 = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Clamp with the tangent along +x.
@@ -118,6 +120,38 @@ pub fn default_two_magnets() -> HardwareDescription {
     let mut rig = description(HORIZONTAL, [0.0, 0.0, -9.81], parts);
     rig.manipulator.base_position = [-55e-3, 0.0, 0.0];
     rig
+}
+
+/// Precurved, extensible and Kirchhoff sections in one chain, and moments off the tangent.
+pub fn mixed_chain() -> HardwareDescription {
+    let mut rod = reference_two_magnets([1.0, -1.0]);
+    let parts = &mut rod.manipulator.parts;
+    if let PartDescription::Section(section) = &mut parts[0] {
+        section.precurvature = [8.0, -12.0, 15.0];
+    }
+    if let PartDescription::Magnet(magnet) = &mut parts[1] {
+        magnet.moment_body = [0.006, -0.004, 0.01];
+    }
+    if let PartDescription::Section(section) = &mut parts[2] {
+        section.extensible = None;
+    }
+    let straight = parts[0].clone();
+    parts.push(straight);
+    if let PartDescription::Section(section) = &mut parts[4] {
+        section.extensible = None;
+        section.length = 10e-3;
+    }
+    // A magnet at the clamp, and two in a row.
+    let magnet = parts[3].clone();
+    parts.insert(0, magnet.clone());
+    parts.insert(3, magnet);
+    rod
+}
+
+/// One Newton step more than the tolerance asks for: to the floor of rounding.
+pub fn polish(manipulator: &Manipulator, field: &impl AppliedField, load: &TipLoad, pass: &mut Pass) {
+    let corrected = pass.unknowns() + pass.newton_step().expect("regular");
+    manipulator.pass(field, load, &corrected, POSES, pass);
 }
 
 pub fn uniform(field: Vector3<f64>) -> AffineField {

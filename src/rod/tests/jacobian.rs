@@ -7,12 +7,12 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::fixtures::{
-    Dipoles, build, default_two_magnets, reference_two_magnets, rotation_between, tip_load,
+    Dipoles, POSES, build, default_two_magnets, mixed_chain, polish, reference_two_magnets, rotation_between,
+    tip_load,
 };
 use crate::magnetics::{AffineField, AppliedField, FieldGradient, FieldSample};
 use crate::rod::{Manipulator, Pass, PassMode, TipLoad, Wrenches};
 
-const POSES: PassMode = PassMode { poses: true, wrenches: Wrenches::Following };
 const FROZEN: PassMode = PassMode { poses: true, wrenches: Wrenches::Frozen };
 
 /// A field whose parameters a test can change.
@@ -95,12 +95,6 @@ fn difference<F: Steerable>(
     sums
 }
 
-/// One Newton step more than the tolerance asks for: to the floor of rounding.
-fn polish(manipulator: &Manipulator, field: &impl AppliedField, load: &TipLoad, pass: &mut Pass) {
-    let corrected = pass.unknowns() + pass.newton_step().expect("regular");
-    manipulator.pass(field, load, &corrected, POSES, pass);
-}
-
 /// Greatest deviation of the Jacobians from differences, each block relative to its greatest entry.
 fn deviation<F: Steerable>(manipulator: &Manipulator, field: &F, load: &TipLoad, pass: &Pass) -> f64 {
     let mut scratch = Pass::new(manipulator);
@@ -155,32 +149,6 @@ fn check<F: Steerable>(
     }
     assert!(turned > 0.3, "the equilibria are far from straight: {turned}");
     worst
-}
-
-/// Precurved, extensible and Kirchhoff sections in one chain, and moments off the tangent.
-fn mixed_chain() -> HardwareDescription {
-    let mut rod = reference_two_magnets([1.0, -1.0]);
-    let parts = &mut rod.manipulator.parts;
-    if let PartDescription::Section(section) = &mut parts[0] {
-        section.precurvature = [8.0, -12.0, 15.0];
-    }
-    if let PartDescription::Magnet(magnet) = &mut parts[1] {
-        magnet.moment_body = [0.006, -0.004, 0.01];
-    }
-    if let PartDescription::Section(section) = &mut parts[2] {
-        section.extensible = None;
-    }
-    let straight = parts[0].clone();
-    parts.push(straight);
-    if let PartDescription::Section(section) = &mut parts[4] {
-        section.extensible = None;
-        section.length = 10e-3;
-    }
-    // A magnet at the clamp, and two in a row.
-    let magnet = parts[3].clone();
-    parts.insert(0, magnet.clone());
-    parts.insert(3, magnet);
-    rod
 }
 
 #[test]

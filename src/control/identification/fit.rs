@@ -1,0 +1,484 @@
+//! The search for the most probable parameters.
+//!
+//! | symbol | meaning |
+//! |---|---|
+//! | y | parameters over their prior deviations |
+//! | r, J | residuals (measured less modelled) over their noise, and the model's derivatives with y, weighted |
+//! | k, w | Huber's bound; weight min(1, k/|r|) of a block |
+//! | lambda | Marquardt's damping |
+//!
+//! ```text
+//! minimise  sum rho(|r|) + |y|^2       rho(z) = z^2 below k, 2 k z - k^2 beyond              (f1)
+//! step      [J; 1; sqrt(lambda) D] dy = [r; -y; 0] in least squares                          (f2)
+//! after     C = (J'J + 1)^-1                                                                 (f3)
+//! ```
+//! The residual of a tangent is the chord from the modelled to the measured one: as long as their angle to first order, with
+//! nothing along the tangent itself, so that it counts as the two rows of the tangent plane; and unlike coordinates of that
+//! plane smooth all over, so that a tangent the wrong way round is far off and harmless.
+//!
+//! (f2) is solved by orthogonal factors, never by J'J: what the data leave to the prior would drown there in rounding.
+
+use magsteer_hal::config::HardwareConfig;
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use crate::math::angle_between;
+use crate::rod::RodConfig;
+
+use super::IdentifyRequest;
+use super::equilibria::{Model, Modelled};
+use super::error::IdentifyError;
+use super::found::{Estimate, Identified, Outlier, Rms, Undetermined};
+use super::noise::{Deviations, Left};
+use super::parameters::Parameters;
+use super::sample::{Quantity, Sample};
+
+/// Most steps of one descent.
+const ITERATIONS_MAX: usize = 100;
+/// Damping at the start, and where no step lowers the objective any more.
+const DAMPING: [f64; 2] = [1e-3, 1e9];
+/// Step, in deviations after the data, below which a descent has ended.
+const STEP_DONE: f64 = 1e-6;
+/// Step that may be left when rounding keeps the objective from falling.
+const STEP_ROUNDING: f64 = 1e-2;
+/// Rounds of estimating the noise from medians, then from squares.
+const ROUNDS: [usize; 2] = [4, 12];
+/// Relative change of the noise below which it is settled.
+const NOISE_SETTLED: f64 = 1e-2;
+/// Times that samples without an equilibrium are tried again with better parameters.
+const RETRIES_MAX: usize = 3;
+/// Deviation after the data over that before, above which a direction is left to the prior.
+const RATIO_UNDETERMINED: f64 = 0.5;
+/// Least share of a parameter in a direction that is worth naming.
+const SHARE_NAMED: f64 = 0.2;
+
+/// How the search is getting on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Iteration {
+    /// Steps so far.
+    pub number: usize,
+    /// Value of (f1).
+    pub objective: f64,
+}
+
+/// Estimates the free parameters of the rig of `hardware`, modelled on the mesh of `rod`. `progress` hears of every step.
+///
+/// # Errors
+/// Too few samples, nothing to estimate, samples that the model does not bear.
+pub fn identify(
+    hardware: &HardwareConfig,
+    rod: &RodConfig,
+    samples: &[Sample],
+    request: &IdentifyRequest,
+    mut progress: impl FnMut(&Iteration),
+) -> Result<Identified, IdentifyError> {
+    let parameters = Parameters::new(hardware, &request.priors, request.stiffness);
+    check_count(&parameters, samples)?;
+    let mut fit = Fit::new(&parameters, rod, samples, request)?;
+    let mut converged;
+    let mut retries = 0;
+    loop {
+        converged = fit.settle(&mut progress)?;
+        if retries == RETRIES_MAX || !fit.retry()? {
+            break;
+        }
+        retries += 1;
+    }
+    fit.report(converged)
+}
+
+fn check_count(parameters: &Parameters, samples: &[Sample]) -> Result<(), IdentifyError> {
+    let count = parameters.free().len();
+    if count == 0 {
+        return Err(IdentifyError::NothingFree);
+    }
+    let equations: usize = samples.iter().map(Sample::equations).sum();
+    if equations < 2 * count {
+        let each = samples.iter().map(Sample::equations).max().unwrap_or(0).max(2);
+        return Err(IdentifyError::TooFew {
+            samples: samples.len(),
+            equations,
+            parameters: count,
+            least: (2 * count).div_ceil(each),
+        });
+    }
+    Ok(())
+}
+
+/// One block: where it stands, its residual and derivatives, unweighted, in SI.
+struct Block {
+    sample: usize,
+    magnet: usize,
+    quantity: Quantity,
+    residual: Vector3<f64>,
+    derivatives: Vec<Vector3<f64>>,
+}
+
+/// A least-squares problem (f2), reduced to its triangle.
+struct Triangle {
+    factor: DMatrix<f64>,
+    right: DVector<f64>,
+    /// Norms of the columns.
+    scale: DVector<f64>,
+}
+
+struct Fit<'a> {
+    parameters: &'a Parameters,
+    rod: &'a RodConfig,
+    samples: &'a [Sample],
+    outlier_sigma: f64,
+    deviations: Deviations,
+    values: Vec<f64>,
+    /// `None` for samples that are not used.
+    modelled: Vec<Option<Modelled>>,
+    nominal: Vec<Option<Modelled>>,
+    iterations: usize,
+}
+
+impl<'a> Fit<'a> {
+    fn new(
+        parameters: &'a Parameters,
+        rod: &'a RodConfig,
+        samples: &'a [Sample],
+        request: &IdentifyRequest,
+    ) -> Result<Self, IdentifyError> {
+        let values = vec![0.0; parameters.free().len()];
+        let mut model = Model::new(parameters, rod, &values)?;
+        let modelled: Vec<Option<Modelled>> = samples.iter().map(|sample| model.at(sample, None)).collect();
+        let lost = modelled.iter().filter(|modelled| modelled.is_none()).count();
+        if 2 * lost > samples.len() {
+            let first = modelled.iter().position(Option::is_none).unwrap_or(0);
+            return Err(IdentifyError::NoEquilibrium { lost, samples: samples.len(), first });
+        }
+        let mut fit = Self {
+            parameters,
+            rod,
+            samples,
+            outlier_sigma: request.outlier_sigma,
+            deviations: Deviations::new(&request.noise),
+            values,
+            nominal: modelled.clone(),
+            modelled,
+            iterations: 0,
+        };
+        fit.deviations = fit.deviations.by_medians(&fit.left(&fit.blocks(&fit.modelled)));
+        Ok(fit)
+    }
+
+    /// Descends until the noise is settled too. True when the last descent ended in a minimum.
+    fn settle(&mut self, progress: &mut impl FnMut(&Iteration)) -> Result<bool, IdentifyError> {
+        let [medians, squares] = ROUNDS;
+        let mut converged = false;
+        for round in 0..medians + squares {
+            converged = self.descend(progress)?;
+            let left = self.left(&self.blocks(&self.modelled));
+            let new = if round < medians {
+                self.deviations.by_medians(&left)
+            } else {
+                self.deviations.by_squares(&left, self.taken())
+            };
+            let change = new.change(&self.deviations);
+            if round >= medians && change < NOISE_SETTLED {
+                break;
+            }
+            self.deviations = new;
+        }
+        Ok(converged)
+    }
+
+    /// Levenberg and Marquardt at the present noise. True when it ended in a minimum.
+    fn descend(&mut self, progress: &mut impl FnMut(&Iteration)) -> Result<bool, IdentifyError> {
+        let mut damping = DAMPING[0];
+        let mut blocks = self.blocks(&self.modelled);
+        let mut objective = self.objective(&blocks, &self.values);
+        for _ in 0..ITERATIONS_MAX {
+            let triangle = self.triangle(&blocks, true);
+            let full = triangle.step(0.0);
+            let left = (&triangle.factor * full).norm();
+            if left < STEP_DONE {
+                return Ok(true);
+            }
+            let accepted = loop {
+                if damping > DAMPING[1] {
+                    break None;
+                }
+                let step = triangle.step(damping);
+                let values: Vec<f64> = (self.values.iter().zip(step.iter()))
+                    .zip(self.parameters.deviations())
+                    .map(|((value, step), deviation)| value + step * deviation)
+                    .collect();
+                if let Some(modelled) = self.model_all(&values)? {
+                    let blocks = self.blocks(&modelled);
+                    let lower = self.objective(&blocks, &values);
+                    if lower < objective {
+                        break Some((values, modelled, blocks, lower));
+                    }
+                }
+                damping = (damping * 8.0).max(1e-6);
+            };
+            let Some((values, modelled, new, lower)) = accepted else {
+                return Ok(left < STEP_ROUNDING);
+            };
+            (self.values, self.modelled, blocks, objective) = (values, modelled, new, lower);
+            damping = if damping < 1e-9 { 0.0 } else { damping / 8.0 };
+            self.iterations += 1;
+            progress(&Iteration { number: self.iterations, objective });
+        }
+        let triangle = self.triangle(&blocks, true);
+        Ok((&triangle.factor * triangle.step(0.0)).norm() < STEP_ROUNDING)
+    }
+
+    /// Equilibria of all samples in use; `None` when one of them has none with these values.
+    fn model_all(&self, values: &[f64]) -> Result<Option<Vec<Option<Modelled>>>, IdentifyError> {
+        let mut model = Model::new(self.parameters, self.rod, values)?;
+        let mut all = Vec::with_capacity(self.samples.len());
+        for (sample, known) in self.samples.iter().zip(&self.modelled) {
+            let Some(known) = known else {
+                all.push(None);
+                continue;
+            };
+            let Some(found) = model.at(sample, Some(known)) else { return Ok(None) };
+            all.push(Some(found));
+        }
+        Ok(Some(all))
+    }
+
+    /// Tries samples that had no equilibrium with the present values; true when one has one now.
+    fn retry(&mut self) -> Result<bool, IdentifyError> {
+        if self.modelled.iter().all(Option::is_some) {
+            return Ok(false);
+        }
+        let mut model = Model::new(self.parameters, self.rod, &self.values)?;
+        let mut any = false;
+        for (sample, modelled) in self.samples.iter().zip(&mut self.modelled) {
+            if modelled.is_none() {
+                *modelled = model.at(sample, None);
+                any |= modelled.is_some();
+            }
+        }
+        Ok(any)
+    }
+
+    fn blocks(&self, modelled: &[Option<Modelled>]) -> Vec<Block> {
+        let mut blocks = Vec::new();
+        for (index, (sample, modelled)) in self.samples.iter().zip(modelled).enumerate() {
+            let Some(modelled) = modelled else { continue };
+            for (magnet, (reading, model)) in sample.magnets.iter().zip(&modelled.magnets).enumerate() {
+                let Some(reading) = reading else { continue };
+                let mut push = |quantity, residual: Vector3<f64>, by: &[Vector3<f64>]| {
+                    blocks.push(Block {
+                        sample: index,
+                        magnet,
+                        quantity,
+                        residual,
+                        derivatives: by.to_vec(),
+                    });
+                };
+                push(Quantity::Tangent, reading.tangent - model.tangent, &model.tangent_by);
+                if let Some(position) = reading.position {
+                    push(Quantity::Position, position - model.position, &model.position_by);
+                }
+            }
+        }
+        blocks
+    }
+
+    /// Norm of a block in noise deviations.
+    fn sigma(&self, block: &Block) -> f64 {
+        block.residual.norm() / self.deviations.values[block.quantity.index()]
+    }
+
+    fn left(&self, blocks: &[Block]) -> Vec<Left> {
+        let of = |block: &Block| Left {
+            quantity: block.quantity,
+            norm: block.residual.norm(),
+            is_outlier: self.sigma(block) > self.outlier_sigma,
+        };
+        blocks.iter().map(of).collect()
+    }
+
+    /// (f1)
+    fn objective(&self, blocks: &[Block], values: &[f64]) -> f64 {
+        let k = self.outlier_sigma;
+        let huber = |z: f64| if z <= k { z * z } else { 2.0 * k * z - k * k };
+        let data: f64 = blocks.iter().map(|block| huber(self.sigma(block))).sum();
+        let prior = values.iter().zip(self.parameters.deviations()).map(|(value, s)| (value / s).powi(2));
+        data + prior.sum::<f64>()
+    }
+
+    /// The rows [J r], weighted; those of one sort, or of both.
+    fn rows(&self, blocks: &[Block], only: Option<Quantity>) -> DMatrix<f64> {
+        let chosen = || blocks.iter().filter(|block| only.is_none_or(|only| only == block.quantity));
+        let count = self.values.len();
+        let mut matrix = DMatrix::zeros(3 * chosen().count(), count + 1);
+        for (index, block) in chosen().enumerate() {
+            let weight = (self.outlier_sigma / self.sigma(block)).min(1.0).sqrt();
+            let scale = weight / self.deviations.values[block.quantity.index()];
+            let columns = block.derivatives.iter().zip(self.parameters.deviations());
+            for (column, (by, deviation)) in columns.enumerate() {
+                matrix.fixed_view_mut::<3, 1>(3 * index, column).copy_from(&(by * *deviation * scale));
+            }
+            matrix.fixed_view_mut::<3, 1>(3 * index, count).copy_from(&(block.residual * scale));
+        }
+        matrix
+    }
+
+    /// [J; 1] and [r; -y] as a triangle; without the prior's rows when not asked for.
+    fn triangle(&self, blocks: &[Block], with_prior: bool) -> Triangle {
+        let count = self.values.len();
+        let data = self.rows(blocks, None);
+        let first = data.nrows();
+        let mut stacked = data.resize_vertically(first + count, 0.0);
+        if with_prior {
+            for (index, (value, deviation)) in
+                self.values.iter().zip(self.parameters.deviations()).enumerate()
+            {
+                stacked[(first + index, index)] = 1.0;
+                stacked[(first + index, count)] = -value / deviation;
+            }
+        }
+        let scale = DVector::from_fn(count, |column, _| stacked.column(column).norm());
+        // Factoring the right side along with the matrix leaves Q'[r; -y] in the last column.
+        let upper = stacked.qr().r();
+        Triangle {
+            factor: upper.view((0, 0), (count, count)).into_owned(),
+            right: upper.view((0, count), (count, 1)).column(0).into_owned(),
+            scale,
+        }
+    }
+
+    /// (f3), in prior deviations.
+    fn covariance(&self, blocks: &[Block]) -> DMatrix<f64> {
+        let count = self.values.len();
+        let factor = self.triangle(blocks, true).factor;
+        // The prior's rows keep every diagonal entry from vanishing.
+        let inverse = factor
+            .solve_upper_triangular(&DMatrix::identity(count, count))
+            .unwrap_or_else(|| DMatrix::identity(count, count));
+        &inverse * inverse.transpose()
+    }
+
+    /// Degrees of freedom that the parameters took of tangents and positions: the trace of J C J'.
+    fn taken(&self) -> [f64; 2] {
+        let blocks = self.blocks(&self.modelled);
+        let covariance = self.covariance(&blocks);
+        [Quantity::Tangent, Quantity::Position].map(|quantity| {
+            let rows = self.rows(&blocks, Some(quantity));
+            let jacobian = rows.columns(0, self.values.len());
+            (jacobian * &covariance).component_mul(&jacobian).sum()
+        })
+    }
+
+    fn report(&self, converged: bool) -> Result<Identified, IdentifyError> {
+        let blocks = self.blocks(&self.modelled);
+        let scaled = self.covariance(&blocks);
+        let deviations = self.parameters.deviations();
+        let estimates = (0..self.values.len()).map(|index| Estimate {
+            parameter: self.parameters.free()[index],
+            name: self.parameters.names()[index].clone(),
+            value: self.values[index],
+            deviation: scaled[(index, index)].sqrt() * deviations[index],
+            prior_deviation: deviations[index],
+        });
+        let covariance = DMatrix::from_fn(scaled.nrows(), scaled.ncols(), |row, column| {
+            scaled[(row, column)] * deviations[row] * deviations[column]
+        });
+        let believed: Vec<&Block> =
+            blocks.iter().filter(|block| self.sigma(block) <= self.outlier_sigma).collect();
+        let weighted = |block: &Block| {
+            let z = self.sigma(block);
+            z * z * (self.outlier_sigma / z).min(1.0)
+        };
+        let equations: usize = blocks.iter().map(|block| block.quantity.rows()).sum();
+        let lost = self.modelled.iter().enumerate().filter(|(_, modelled)| modelled.is_none());
+        Ok(Identified {
+            estimates: estimates.collect(),
+            covariance,
+            hardware: self.parameters.applied(&self.values),
+            converged,
+            iterations: self.iterations,
+            noise: self.deviations.values,
+            chi_square: blocks.iter().map(weighted).sum(),
+            degrees_of_freedom: equations as f64 - self.taken().iter().sum::<f64>(),
+            rms_before: self.rms(&believed, &self.nominal),
+            rms_after: self.rms(&believed, &self.modelled),
+            outliers: self.outliers(&blocks),
+            lost: lost.map(|(sample, _)| sample).collect(),
+            undetermined: self.undetermined(&blocks),
+        })
+    }
+
+    fn outliers(&self, blocks: &[Block]) -> Vec<Outlier> {
+        let of = |block: &Block| Outlier {
+            sample: block.sample,
+            magnet: block.magnet,
+            quantity: block.quantity,
+            sigma: self.sigma(block),
+        };
+        let mut outliers: Vec<Outlier> =
+            blocks.iter().map(of).filter(|outlier| outlier.sigma > self.outlier_sigma).collect();
+        outliers.sort_by(|one, other| other.sigma.total_cmp(&one.sigma));
+        outliers
+    }
+
+    /// Distances of model and measurement where both are known.
+    fn rms(&self, blocks: &[&Block], modelled: &[Option<Modelled>]) -> Rms {
+        let of = |quantity: Quantity| {
+            let chosen = blocks.iter().filter(|block| block.quantity == quantity);
+            let squares: Vec<f64> = chosen
+                .filter_map(|block| {
+                    let model = &modelled[block.sample].as_ref()?.magnets[block.magnet];
+                    let reading = self.samples[block.sample].magnets[block.magnet]?;
+                    let distance = match quantity {
+                        Quantity::Tangent => angle_between(&reading.tangent, &model.tangent),
+                        Quantity::Position => (reading.position? - model.position).norm(),
+                    };
+                    Some(distance * distance)
+                })
+                .collect();
+            (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+        };
+        Rms { angle: of(Quantity::Tangent), distance: of(Quantity::Position) }
+    }
+
+    /// Directions in which the data say little: the right singular vectors of J with small singular values s, along
+    /// which (f3) leaves `1 / sqrt(1 + s^2)` of the prior's deviation.
+    fn undetermined(&self, blocks: &[Block]) -> Vec<Undetermined> {
+        let svd = self.triangle(blocks, false).factor.svd(false, true);
+        let Some(right) = svd.v_t else { return Vec::new() };
+        let mut found: Vec<Undetermined> = svd
+            .singular_values
+            .iter()
+            .enumerate()
+            .map(|(index, value)| (index, 1.0 / (1.0 + value * value).sqrt()))
+            .filter(|(_, ratio)| *ratio > RATIO_UNDETERMINED)
+            .map(|(index, ratio)| {
+                let row = right.row(index);
+                let largest = row[row.transpose().iamax()];
+                let share = |(parameter, share): (usize, &f64)| (parameter, share * largest.signum());
+                let mut parts: Vec<(usize, f64)> = row.iter().enumerate().map(share).collect();
+                parts.retain(|(_, share)| share.abs() >= SHARE_NAMED);
+                parts.sort_by(|one, other| other.1.abs().total_cmp(&one.1.abs()));
+                Undetermined { ratio, parts }
+            })
+            .collect();
+        found.sort_by(|one, other| other.ratio.total_cmp(&one.ratio));
+        found
+    }
+}
+
+impl Triangle {
+    /// The step of (f2).
+    fn step(&self, damping: f64) -> DVector<f64> {
+        let count = self.right.len();
+        let mut stacked = DMatrix::zeros(2 * count, count + 1);
+        stacked.view_mut((0, 0), (count, count)).copy_from(&self.factor);
+        stacked.view_mut((0, count), (count, 1)).copy_from(&self.right);
+        for index in 0..count {
+            stacked[(count + index, index)] = damping.sqrt() * self.scale[index];
+        }
+        let upper = stacked.qr().r();
+        let factor = upper.view((0, 0), (count, count)).into_owned();
+        let right = upper.view((0, count), (count, 1)).column(0).into_owned();
+        factor.solve_upper_triangular(&right).unwrap_or_else(|| DVector::zeros(count))
+    }
+}
