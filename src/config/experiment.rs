@@ -1,7 +1,7 @@
 //! A file of targets to be reached one after another.
 //!
-//! A step names the angle of each magnet's tangent: `zero_direction` turned about `axis` by that angle. With z and y, as in the
-//! paper's planar experiment, an angle of 90 degrees points along x.
+//! A step names the angle of each magnet's tangent, `zero_direction` turned about `axis` by that angle, or its direction in the world. With z
+//! and y, as in the paper's planar experiment, an angle of 90 degrees points along x.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -36,13 +36,17 @@ pub struct Experiment {
 #[serde(deny_unknown_fields)]
 pub struct ExperimentStep {
     /// Angle of each magnet by name, deg, -360 to 360.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub target_deg: BTreeMap<String, f64>,
+    /// Direction of each other magnet's tangent by name, world; any length but zero.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub target_direction: BTreeMap<String, [f64; 3]>,
     /// Time until the next step, s, > 0.
     pub duration_s: f64,
 }
 
 impl Experiment {
-    /// Reads an experiment for the magnets of a rig, named from base to tip; every step must name each of them and no other.
+    /// Reads an experiment for the magnets of a rig, named from base to tip; every step must name each of them once and no other.
     ///
     /// # Errors
     /// What [`Document::load`] refuses; every key that is unknown or missing; every value out of its range.
@@ -90,6 +94,8 @@ impl Experiment {
             if let Some(angle_deg) = step.target_deg.get(*name) {
                 let turn = Rotation3::from_axis_angle(&axis, angle_deg.to_radians());
                 *direction = (turn * zero).into();
+            } else if let Some(along) = step.target_direction.get(*name) {
+                *direction = Vector3::from(*along).normalize().into();
             }
         }
         directions
@@ -107,10 +113,21 @@ impl ExperimentStep {
             checks.require(magnets.contains(&name.as_str()), format!("{targets}.{name}"), name, expected);
             checks.within(format!("{targets}.{name}"), *angle_deg, -360.0, 360.0);
         }
+        for (name, direction) in &self.target_direction {
+            let key = format!("{key}.target_direction.{name}");
+            let expected = format!("a direction of one of the rig's magnets ({})", magnets.join(", "));
+            checks.require(magnets.contains(&name.as_str()), &key, name, expected);
+            let norm = Vector3::from(*direction).norm();
+            let value = format!("{direction:?}");
+            checks.require(norm.is_finite() && norm > 1e-9, &key, value, "a finite vector other than zero");
+            let twice = self.target_deg.contains_key(name);
+            checks.require(!twice, &key, name, "no direction, since `target_deg` names the magnet");
+        }
         for name in magnets {
             let value = format!("nothing for {name}");
-            let expected = format!("an angle for each magnet ({})", magnets.join(", "));
-            checks.require(self.target_deg.contains_key(*name), &targets, value, expected);
+            let expected = format!("an angle for each magnet ({}), or a direction", magnets.join(", "));
+            let named = self.target_deg.contains_key(*name) || self.target_direction.contains_key(*name);
+            checks.require(named, &targets, value, expected);
         }
     }
 }
@@ -126,6 +143,7 @@ mod tests {
             zero_direction: [0.0, 0.0, 1.0],
             steps: vec![ExperimentStep {
                 target_deg: BTreeMap::from([("m1".to_owned(), 90.0), ("m2".to_owned(), 30.0)]),
+                target_direction: BTreeMap::new(),
                 duration_s: 4.0,
             }],
         }
@@ -141,6 +159,20 @@ mod tests {
             assert!(error < 1e-15, "{direction:?} instead of {expected:?}");
         }
         assert_eq!(directions[2], [0.0; 3]);
+    }
+
+    #[test]
+    fn a_direction_stands_for_an_angle_and_is_given_once() {
+        let mut experiment = planar();
+        experiment.steps[0].target_deg.remove("m2");
+        experiment.steps[0].target_direction.insert("m2".to_owned(), [0.0, 3.0, 4.0]);
+        assert_eq!(experiment.check(&["m1", "m2"]).len(), 0);
+        let directions = experiment.directions(&experiment.steps[0], &["m1", "m2"]);
+        assert_eq!(directions[1], [0.0, 0.6, 0.8]);
+        experiment.steps[0].target_deg.insert("m2".to_owned(), 30.0);
+        let refused = experiment.check(&["m1", "m2"]);
+        assert_eq!(refused.len(), 1, "{refused:?}");
+        assert_eq!(refused[0].key, "steps[0].target_direction.m2");
     }
 
     #[test]

@@ -15,7 +15,7 @@ use rayon::{ThreadPool, ThreadPoolBuildError};
 
 use super::algorithm_1::{Algorithm1, HeldPose, JacobianKind, PoseSource, Present};
 use super::allocation::{Allocation, Wish};
-use super::config::ControlConfig;
+use super::config::{ControlConfig, FrameUse};
 use super::error::OrientationError;
 use super::feedback::{Feedback, Seen};
 use super::model::Model;
@@ -172,10 +172,14 @@ impl Cycle {
         let [first, second, third] = description.manipulator.base_rotation;
         let base = Matrix3::from_rows(&[first.into(), second.into(), third.into()]);
         let chosen = config.algorithm_1.as_ref().filter(|_| config.jacobian == JacobianKind::Algorithm1);
+        let mut model = Model::new(description, manipulator.clone(), config.passes_max);
+        if let Some(secondary) = config.secondary.as_ref().filter(|_| config.frame_angles == FrameUse::Steer) {
+            model.follow_expected_power(secondary.disturbance_deg.to_radians());
+        }
         Self {
-            algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator.clone())),
+            algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator)),
             held_at: chosen.map_or(PoseSource::Modelled, |chosen| chosen.magnet_poses),
-            model: Model::new(description, manipulator, config.passes_max),
+            model,
             error: OrientationError::new(config.orientation_error, &base),
             reference: Reference::new(magnets, &Pacing::new(config, description)),
             feedback: Feedback::new(config, magnets),
@@ -281,6 +285,7 @@ impl Cycle {
             period: input.period,
             margin: self.model.margin(),
             margin_gradient: self.model.margin_gradient(),
+            expected_power: self.model.expected_power(),
         });
         let increment = self.allocation.increment();
         for (achieved, row) in
@@ -305,6 +310,7 @@ impl Cycle {
             *direction = self.actual(magnet);
         }
         self.reference.reset(&directions, &admitted.angle_rad);
+        self.allocation.rest();
         self.feedback.reset(&self.reference.directions());
     }
 

@@ -19,7 +19,9 @@ mod integral;
 mod model;
 mod past;
 pub mod plan;
+mod probe;
 mod reference;
+mod secondary;
 
 #[cfg(test)]
 mod tests;
@@ -34,3 +36,4 @@ pub use feedback::FeedbackKind;
 pub use integral::ProportionalIntegral;
 pub use model::Model;
 pub use reference::{Limits, Pacing, Reference, ReferenceTarget};
+pub use secondary::SecondaryConfig;

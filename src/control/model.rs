@@ -6,16 +6,17 @@
 //! starts again from the last equilibrium, half as far, until it has caught up; where that branch has ended it begins anew from rest.
 //!
 //! Magnetic stiffness can make an equilibrium lose its stability long before a current meets its limit: the rod snaps through. The
-//! lowest eigenvalue of its second variation, 1 without loads and 0 there, is the margin. Its gradient with the actuation comes
-//! from one extra pass a cycle, for one parameter after another, so that the allocation can keep away.
+//! lowest eigenvalue of its second variation, 1 without loads and 0 there, is the margin. Its gradient with the actuation, and on request
+//! that of the expected power, come from one extra pass a cycle, so that the allocation can keep away.
 
 use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
 
 use super::algorithm_1::{HeldPose, Present};
 use super::cycle::ModelReport;
-use crate::magnetics::{ActuatedArray, AppliedField, CoilArray, FieldSample, PARAMETERS_MAX, PosedArray};
-use crate::rod::{Manipulator, Pass, PassMode, Stability, TipLoad};
+use super::probe::Probe;
+use crate::magnetics::{CoilArray, PARAMETERS_MAX, PosedArray};
+use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
 
 /// Scaled residual below which a pass's sensitivities are used: the distance to equilibrium is then some 1e-4 of the
 /// rod's full deflection, far below the sensor's noise.
@@ -29,9 +30,6 @@ const REACH_MIN: f64 = 1e-3;
 /// Share that it tries first on the way back from rest.
 const REACH_FROM_REST: f64 = 0.05;
 
-/// Share of a parameter's range by which it is moved to see how the margin changes: far above rounding, far below curvature.
-const PROBE_SHARE: f64 = 1e-3;
-
 /// Array and manipulator at the present actuation.
 #[derive(Debug, Clone)]
 pub struct Model {
@@ -44,20 +42,7 @@ pub struct Model {
     coils: usize,
     frames: usize,
     good: Good,
-    margin: Margin,
-}
-
-/// Margin of stability and how it changes with the actuation.
-#[derive(Debug, Clone)]
-struct Margin {
-    stability: Stability,
-    gradient: Vec<f64>,
-    /// Parameter probed next.
-    cursor: usize,
-    /// Step of each parameter, A or rad.
-    steps: Vec<f64>,
-    posed: PosedArray,
-    pass: Pass,
+    probe: Probe,
 }
 
 /// The last equilibrium on the model's way, from which every cycle sets out.
@@ -73,19 +58,6 @@ struct Anchor {
     reach: f64,
     /// Unknowns without currents.
     rest: Vector6<f64>,
-}
-
-/// The array as a field that nothing steers: a pass through it carries no columns of parameters.
-struct Unsteered<'a>(ActuatedArray<'a>);
-
-impl AppliedField for Unsteered<'_> {
-    fn parameter_count(&self) -> usize {
-        0
-    }
-
-    fn evaluate(&self, point: &Vector3<f64>, sample: &mut FieldSample) {
-        self.0.evaluate(point, sample);
-    }
 }
 
 /// Tangents and Jacobian of the last pass that was close enough to equilibrium.
@@ -107,7 +79,7 @@ impl Model {
         let currents = description.coils.iter().map(|coil| coil.current_max);
         let angles = description.frames.iter().map(|frame| frame.angle_max - frame.angle_min);
         let ranges: Vec<f64> = currents.chain(angles).collect();
-        let steps: Vec<f64> = ranges.iter().map(|range| range * PROBE_SHARE).collect();
+        let probe = Probe::new(&manipulator, &posed, &mut pass, &ranges);
         let mut anchor = Anchor {
             actuation: Actuation::default(),
             unknowns: pass.unknowns(),
@@ -117,16 +89,8 @@ impl Model {
             rest: pass.unknowns(),
         };
         anchor.settle(&Actuation::default(), &pass);
-        let margin = Margin {
-            stability: manipulator.stability(&mut pass),
-            gradient: vec![0.0; steps.len()],
-            cursor: 0,
-            steps,
-            posed: posed.clone(),
-            pass: pass.clone(),
-        };
         Self {
-            margin,
+            probe,
             coils: array.coil_count(),
             frames: array.frame_count(),
             array,
@@ -157,17 +121,18 @@ impl Model {
         let converged = found && share == 1.0;
         if converged {
             self.keep();
-            self.probe_margin(actuation);
+            self.probe.look(&self.manipulator, &self.array, actuation, &mut self.pass);
         } else {
             self.good.age = self.good.age.map(|age| age.saturating_add(1));
         }
+        let stability = self.probe.stability();
         ModelReport {
             converged,
             residual,
             passes,
             jacobian_age: self.good.age.unwrap_or(u32::MAX),
-            margin: self.margin.stability.margin,
-            unstable_modes: self.margin.stability.unstable_modes,
+            margin: stability.margin,
+            unstable_modes: stability.unstable_modes,
             field_valid: self.pass.field_valid(),
         }
     }
@@ -212,7 +177,7 @@ impl Model {
         self.anchor.unknowns = present.unknowns;
         self.anchor.derivatives.fill(Vector6::zeros());
         self.anchor.reach = 1.0;
-        self.margin.cursor = 0;
+        self.probe.restart();
     }
 
     /// True once a Jacobian was computed.
@@ -237,43 +202,27 @@ impl Model {
     /// Margin of stability of the last good equilibrium: 1 for the unloaded rod, 0 where it snaps through.
     #[must_use]
     pub fn margin(&self) -> f64 {
-        self.margin.stability.margin
+        self.probe.stability().margin
     }
 
     /// Change of the margin with every actuation parameter, 1/A and 1/rad; each entry at most as many cycles old
     /// as there are parameters.
     #[must_use]
     pub fn margin_gradient(&self) -> &[f64] {
-        &self.margin.gradient
+        self.probe.margin_gradient()
     }
 
-    /// Renews the margin, and one entry of its gradient by a pass beside the present actuation.
-    fn probe_margin(&mut self, actuation: &Actuation) {
-        let margin = &mut self.margin;
-        margin.stability = self.manipulator.stability(&mut self.pass);
-        if margin.steps.is_empty() {
-            return;
-        }
-        let parameter = margin.cursor;
-        margin.cursor = (parameter + 1) % margin.steps.len();
-        let step = margin.steps[parameter];
-        let mut beside = *actuation;
-        if parameter < self.coils {
-            beside.current_a[parameter] += step;
-        } else {
-            beside.angle_rad[parameter - self.coils] += step;
-        }
-        self.array.pose_into(&beside.angle_rad[..self.frames], &mut margin.posed);
-        let field = Unsteered(margin.posed.actuated(&beside.current_a[..self.coils]));
-        // First to the equilibrium at the present actuation, then along its tangent to the one beside.
-        let Some(correction) = self.pass.newton_step() else { return };
-        let unknowns = self.pass.unknowns() + correction + self.pass.unknowns_derivative(parameter) * step;
-        self.manipulator.pass(&field, &TipLoad::NONE, &unknowns, PassMode::default(), &mut margin.pass);
-        let there = self.manipulator.margin_beside(&self.pass, &mut margin.pass);
-        let change = (there - margin.stability.margin) / step;
-        if change.is_finite() {
-            margin.gradient[parameter] = change;
-        }
+    /// From now on follows the expected power (p1) too, with orientation disturbances of this RMS, rad. The extra pass of a cycle
+    /// then costs about twice as much.
+    pub fn follow_expected_power(&mut self, disturbance: f64) {
+        self.probe.follow_authority(self.pass.magnets().len(), self.coils, disturbance);
+    }
+
+    /// Expected power (p1) of the last good equilibrium, A^2, and the change of its logarithm with every actuation parameter, 1/A and
+    /// 1/rad, as old as that of the margin; none where it is not followed.
+    #[must_use]
+    pub fn expected_power(&self) -> Option<(f64, &[f64])> {
+        self.probe.expected_power()
     }
 
     fn keep(&mut self) {

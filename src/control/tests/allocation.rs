@@ -23,7 +23,12 @@ impl Bench {
         let mut rig = Rig::shipped();
         (rig.control.allocation, rig.control.frame_angles) = (kind, frames);
         let allocation = Allocation::new(&rig.control, &rig.description, ROWS);
-        let range: Vec<f64> = rig.limits().iter().map(|[_, most, _]| *most).collect();
+        let mut range: Vec<f64> = rig.limits().iter().map(|[_, most, _]| *most).collect();
+        if kind == AllocationKind::Bounded {
+            let secondary = rig.control.secondary.as_ref().expect("shipped");
+            let share = secondary.frame_share_deg.to_radians();
+            range[rig.coils()..].fill(share);
+        }
         Self { allocation, range: DVector::from_vec(range), rig }
     }
 
@@ -65,6 +70,7 @@ impl Bench {
             period,
             margin,
             margin_gradient: gradient,
+            expected_power: None,
         });
         (DVector::from_row_slice(self.allocation.increment()), allocated.saturated)
     }
