@@ -40,8 +40,8 @@ pub struct CycleInput {
     pub measured: Actuation,
     /// Currents and angles admitted last.
     pub admitted: Actuation,
-    /// Desired tangents.
-    pub target: Directions,
+    /// Desired tangents, and where the frames shall stand if that is asked for.
+    pub target: ReferenceTarget,
     /// True to steer; false to follow the model along and integrate nothing.
     pub engaged: bool,
 }
@@ -286,6 +286,7 @@ impl Cycle {
             margin: self.model.margin(),
             margin_gradient: self.model.margin_gradient(),
             expected_power: self.model.expected_power(),
+            frame_angles: self.reference.frame_angles().as_ref(),
         });
         let increment = self.allocation.increment();
         for (achieved, row) in
@@ -316,8 +317,11 @@ impl Cycle {
 
     /// Moves the reference on.
     fn lead(&mut self, input: &CycleInput) {
-        let target = ReferenceTarget { directions: input.target, frame_angles: None };
-        self.reference.advance(&target, input.period);
+        if input.target.frame_angles.is_none() {
+            // The secondary tasks turn the frames: a later goal sets out from where they are.
+            self.reference.reset_frames(&input.admitted.angle_rad);
+        }
+        self.reference.advance(&input.target, input.period);
         self.feedback.follow(&self.reference.directions(), input.period);
     }
 

@@ -210,8 +210,10 @@ impl SecondaryTasks {
         self.preferred[self.coils..].fill(0.0);
         self.regain_margin(wish, limits);
         let coils = self.coils;
-        self.turn_frames(wish, limits);
-        self.accelerate(wish.period, &limits[coils..], &mut lower[coils..], &mut upper[coils..]);
+        if wish.frame_angles.is_none() {
+            self.turn_frames(wish, limits);
+            self.accelerate(wish.period, &limits[coils..], &mut lower[coils..], &mut upper[coils..]);
+        }
         let (currents, frames) = self.preferred.split_at_mut(coils);
         for (turn, follow) in frames.iter().zip(self.follow.chunks_exact(coils.max(1))) {
             for (current, follow) in currents.iter_mut().zip(follow) {
@@ -265,6 +267,10 @@ impl SecondaryTasks {
             return;
         }
         self.ascend(wish.margin_gradient, limits);
+        if wish.frame_angles.is_some() {
+            // Frames that are told where to go are no task's.
+            self.away[self.coils..].fill(0.0);
+        }
         let slope: f64 = self.away.iter().map(|entry| entry * entry).sum();
         // A flat margin would be chased without end: a slope below 1 over the whole range is taken as 1.
         let length = lost.min(self.margin_wanted) * self.margin_rate * wish.period / slope.max(1.0);

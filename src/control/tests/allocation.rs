@@ -71,6 +71,7 @@ impl Bench {
             margin,
             margin_gradient: gradient,
             expected_power: None,
+            frame_angles: None,
         });
         (DVector::from_row_slice(self.allocation.increment()), allocated.saturated)
     }
