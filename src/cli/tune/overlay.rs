@@ -65,14 +65,15 @@ fn head(subject: &Subject, found: &Identified, request: &IdentifyRequest) -> Str
     if let (Some(before), Some(after)) = (found.rms_before.angle, found.rms_after.angle) {
         text += &format!("; RMS of tangents {:.3} -> {:.3} deg", before.to_degrees(), after.to_degrees());
     }
-    text += "\n#\n# nominal -> estimate +- standard deviation (deviation after the data over that before)\n";
+    text += "\n#\n# nominal -> estimate +- standard deviation, by samples (deviation after the data over that before)\n";
     for parameter in parameters(subject, found) {
         text += &format!(
-            "# {}: {:.5} -> {:.5} +- {:.5} {} ({:.3})\n",
+            "# {}: {:.5} -> {:.5} +- {:.5}, {:.5} {} ({:.3})\n",
             parameter.name.replace(['\n', '\r'], " "),
             parameter.nominal,
             parameter.estimate,
             parameter.standard_deviation,
+            parameter.standard_deviation_between_samples,
             parameter.unit,
             parameter.posterior_over_prior
         );

@@ -11,7 +11,10 @@
 //! minimise  sum rho(|r|) + |y|^2       rho(z) = z^2 below k, 2 k z - k^2 beyond              (f1)
 //! step      [J; 1; sqrt(lambda) D] dy = [r; -y; 0] in least squares                          (f2)
 //! after     C = (J'J + 1)^-1                                                                 (f3)
+//! between   S = C (f sum g g' + 1) C,  g = J'r of one of N samples,  f = N/(N - 1) n/(n - p)    (f4)
 //! ```
+//! (f4) is the covariance of White (Econometrica 48, 1980) with samples as clusters, n equations and p parameters that
+//! they determine, and the prior's share beside.
 //! The residual of a tangent is the chord from the modelled to the measured one: as long as their angle to first order, with
 //! nothing along the tangent itself, so that it counts as the two rows of the tangent plane; and unlike coordinates of that
 //! plane smooth all over, so that a tangent the wrong way round is far off and harmless.
@@ -189,7 +192,6 @@ impl<'a> Fit<'a> {
     fn descend(&mut self, progress: &mut impl FnMut(&Iteration)) -> Result<bool, IdentifyError> {
         let mut damping = DAMPING[0];
         let mut blocks = self.blocks(&self.modelled);
-        let mut objective = self.objective(&blocks, &self.values);
         for _ in 0..ITERATIONS_MAX {
             let triangle = self.triangle(&blocks, true);
             let full = triangle.step(0.0);
@@ -206,19 +208,22 @@ impl<'a> Fit<'a> {
                     .zip(self.parameters.deviations())
                     .map(|((value, step), deviation)| value + step * deviation)
                     .collect();
-                if let Some(modelled) = self.model_all(&values)? {
-                    let blocks = self.blocks(&modelled);
-                    let lower = self.objective(&blocks, &values);
-                    if lower < objective {
-                        break Some((values, modelled, blocks, lower));
+                let modelled = self.model_all(&values)?;
+                if self.are_enough(&modelled) {
+                    let new = self.blocks(&modelled);
+                    let lower = self.objective(&new, &values);
+                    // Only what both have is compared: to lose a sample is no gain.
+                    blocks.retain(|block| modelled[block.sample].is_some());
+                    if lower < self.objective(&blocks, &self.values) {
+                        break Some((values, modelled, new, lower));
                     }
                 }
                 damping = (damping * 8.0).max(1e-6);
             };
-            let Some((values, modelled, new, lower)) = accepted else {
+            let Some((values, modelled, new, objective)) = accepted else {
                 return Ok(left < STEP_ROUNDING);
             };
-            (self.values, self.modelled, blocks, objective) = (values, modelled, new, lower);
+            (self.values, self.modelled, blocks) = (values, modelled, new);
             damping = if damping < 1e-9 { 0.0 } else { damping / 8.0 };
             self.iterations += 1;
             progress(&Iteration { number: self.iterations, objective });
@@ -227,19 +232,16 @@ impl<'a> Fit<'a> {
         Ok((&triangle.factor * triangle.step(0.0)).norm() < STEP_ROUNDING)
     }
 
-    /// Equilibria of all samples in use; `None` when one of them has none with these values.
-    fn model_all(&self, values: &[f64]) -> Result<Option<Vec<Option<Modelled>>>, IdentifyError> {
+    /// Equilibria of all samples in use; `None` for one that has none with these values.
+    fn model_all(&self, values: &[f64]) -> Result<Vec<Option<Modelled>>, IdentifyError> {
         let mut model = Model::new(self.parameters, self.rod, values)?;
-        let mut all = Vec::with_capacity(self.samples.len());
-        for (sample, known) in self.samples.iter().zip(&self.modelled) {
-            let Some(known) = known else {
-                all.push(None);
-                continue;
-            };
-            let Some(found) = model.at(sample, Some(known)) else { return Ok(None) };
-            all.push(Some(found));
-        }
-        Ok(Some(all))
+        let all = self.samples.iter().zip(&self.modelled);
+        Ok(all.map(|(sample, known)| model.at(sample, Some(known.as_ref()?))).collect())
+    }
+
+    /// True unless so many samples have no equilibrium that the model cannot be right.
+    fn are_enough(&self, modelled: &[Option<Modelled>]) -> bool {
+        2 * modelled.iter().flatten().count() >= self.samples.len()
     }
 
     /// Tries samples that had no equilibrium with the present values; true when one has one now.
@@ -357,6 +359,24 @@ impl<'a> Fit<'a> {
         &inverse * inverse.transpose()
     }
 
+    /// (f4), in prior deviations; `covariance` is (f3).
+    fn covariance_between_samples(&self, blocks: &[Block], covariance: &DMatrix<f64>) -> DMatrix<f64> {
+        let count = self.values.len();
+        let rows = self.rows(blocks, None);
+        let mut pulls = vec![DVector::zeros(count); self.samples.len()];
+        for (index, block) in blocks.iter().enumerate() {
+            let rows = rows.rows(3 * index, 3);
+            pulls[block.sample] += rows.columns(0, count).transpose() * rows.column(count);
+        }
+        let samples = self.modelled.iter().flatten().count() as f64;
+        let equations = equations(blocks);
+        let taken: f64 = self.taken().iter().sum();
+        let factor = samples / (samples - 1.0).max(1.0) * equations / (equations - taken).max(1.0);
+        let spread =
+            pulls.iter().fold(DMatrix::zeros(count, count), |sum, pull| sum + pull * pull.transpose());
+        covariance * (spread * factor + DMatrix::identity(count, count)) * covariance
+    }
+
     /// Degrees of freedom that the parameters took of tangents and positions: the trace of J C J'.
     fn taken(&self) -> [f64; 2] {
         let blocks = self.blocks(&self.modelled);
@@ -372,11 +392,13 @@ impl<'a> Fit<'a> {
         let blocks = self.blocks(&self.modelled);
         let scaled = self.covariance(&blocks);
         let deviations = self.parameters.deviations();
+        let between = self.covariance_between_samples(&blocks, &scaled);
         let estimates = (0..self.values.len()).map(|index| Estimate {
             parameter: self.parameters.free()[index],
             name: self.parameters.names()[index].clone(),
             value: self.values[index],
             deviation: scaled[(index, index)].sqrt() * deviations[index],
+            deviation_between_samples: between[(index, index)].sqrt() * deviations[index],
             prior_deviation: deviations[index],
         });
         let covariance = DMatrix::from_fn(scaled.nrows(), scaled.ncols(), |row, column| {
@@ -388,7 +410,6 @@ impl<'a> Fit<'a> {
             let z = self.sigma(block);
             z * z * (self.outlier_sigma / z).min(1.0)
         };
-        let equations: usize = blocks.iter().map(|block| block.quantity.rows()).sum();
         let lost = self.modelled.iter().enumerate().filter(|(_, modelled)| modelled.is_none());
         Ok(Identified {
             estimates: estimates.collect(),
@@ -398,7 +419,7 @@ impl<'a> Fit<'a> {
             iterations: self.iterations,
             noise: self.deviations.values,
             chi_square: blocks.iter().map(weighted).sum(),
-            degrees_of_freedom: equations as f64 - self.taken().iter().sum::<f64>(),
+            degrees_of_freedom: equations(&blocks) - self.taken().iter().sum::<f64>(),
             rms_before: self.rms(&believed, &self.nominal),
             rms_after: self.rms(&believed, &self.modelled),
             outliers: self.outliers(&blocks),
@@ -464,6 +485,11 @@ impl<'a> Fit<'a> {
         found.sort_by(|one, other| other.ratio.total_cmp(&one.ratio));
         found
     }
+}
+
+/// Two a tangent, three a position.
+fn equations(blocks: &[Block]) -> f64 {
+    blocks.iter().map(|block| block.quantity.rows()).sum::<usize>() as f64
 }
 
 impl Triangle {
