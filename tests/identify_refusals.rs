@@ -121,8 +121,8 @@ fn wrong_data_are_refused_by_line_column_value_and_what_would_be_right() {
         ("not a direction", with_cell(&text, 2, 11, "57.3"), ":3: m1_tx, m1_ty, m1_tz: a vector 57."),
         (
             "few",
-            lines(&text, 3),
-            ":1: rows: 2, which give 10 equations for 9 parameters: must be at least 2,",
+            lines(&text, 2),
+            ":1: rows: 1, which give 10 equations for 9 parameters: must be at least 2,",
         ),
     ];
     let folder = TempDir::new().unwrap();

@@ -62,7 +62,7 @@ fn assert_honest(errors: &[Vec<f64>]) {
 #[test]
 fn errors_have_the_deviations_that_are_stated_with_them() {
     assert_honest(&normalised_errors(
-        120,
+        80,
         &IdentifyRequest { priors: NARROW, ..stated(NOISE[0], NOISE[1]) },
         NOISE,
     ));
