@@ -1,5 +1,5 @@
-//! The whole chain on a rig that shares no physics with the model: `tune excite`, `tune identify`, and the loop with what
-//! they made.
+//! The whole chain on a rig that shares no physics with the model: `tune excite`, `tune identify`, and the
+//! loop with what they made.
 #![cfg(feature = "sim")]
 
 use std::fs;
@@ -54,9 +54,9 @@ fn estimate(answer: &Value, name: &str) -> f64 {
     found["estimate"].as_f64().unwrap() / found["nominal"].as_f64().unwrap()
 }
 
-/// Goal: the simulated rig's modulus, which the model believes 10 to 20 % off, is found to 4 % and the ratio of its
-/// magnets' moments, 5 to 10 % off each, to 2 %, with and without forces between the magnets. Its coils stand askew, its
-/// air coils are windings and its iron saturates, which the model does not know.
+/// Goal: the simulated rig's modulus, which the model believes 10 to 20 % off, is found to 4 % and the
+/// ratio of its magnets' moments, 5 to 10 % off each, to 2 %, with and without forces between the magnets.
+/// Its coils stand askew, its air coils are windings and its iron saturates, which the model does not know.
 #[test]
 fn the_simulated_rigs_parameters_are_recovered() {
     for (seed, modulus, moment, gain, magnet_interaction) in
@@ -97,8 +97,8 @@ fn the_simulated_rigs_parameters_are_recovered() {
     }
 }
 
-/// Goal: a clamp that is 0.7 mm and 1 degree from where the model believes it to be is found to 0.15 mm and 0.15 degrees,
-/// together with everything else.
+/// Goal: a clamp that is 0.7 mm and 1 degree from where the model believes it to be is found to 0.15 mm and
+/// 0.15 degrees, together with everything else.
 #[test]
 fn a_clamp_out_of_place_is_found() {
     let folder = TempDir::new().unwrap();
@@ -127,8 +127,8 @@ fn a_clamp_out_of_place_is_found() {
     }
 }
 
-/// RMS angle between model and truth over the planar experiment, deg: all along, where the rod swings and statics do not,
-/// and at the end of each step. The rig of one configuration, steered by another.
+/// RMS angle between model and truth over the planar experiment, deg: all along, where the rod swings and
+/// statics do not, and at the end of each step. The rig of one configuration, steered by another.
 fn model_error_deg(plant: &str, controller: &str) -> [f64; 2] {
     let (document, config) = Config::load(Path::new(plant)).unwrap();
     let settings: PlantConfig = document.section("plant").unwrap();
@@ -167,8 +167,8 @@ fn model_error_deg(plant: &str, controller: &str) -> [f64; 2] {
     [rms(&all), rms(at_end.as_flattened())]
 }
 
-/// Goal: what `tune identify` writes is a configuration like any other: `check` and `campaign` accept it, and the loop
-/// that believes in it has a model at least four times nearer to the rod at rest.
+/// Goal: what `tune identify` writes is a configuration like any other: `check` and `campaign` accept it,
+/// and the loop that believes in it has a model at least four times nearer to the rod at rest.
 #[test]
 fn the_loop_with_the_overlay_has_a_model_nearer_to_the_rod() {
     let folder = TempDir::new().unwrap();

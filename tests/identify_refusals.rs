@@ -136,7 +136,8 @@ fn wrong_data_are_refused_by_line_column_value_and_what_would_be_right() {
     }
 }
 
-/// Goal: signs turned round give no estimates: the model has no such equilibria, or says that tangents point elsewhere.
+/// Goal: signs turned round give no estimates: the model has no such equilibria, or says that tangents
+/// point elsewhere.
 #[test]
 fn tangents_the_wrong_way_round_are_noted() {
     let folder = TempDir::new().unwrap();
@@ -185,8 +186,8 @@ fn what_is_not_the_datas_fault_has_other_codes() {
     assert_eq!(output.status.code(), Some(78), "{output:?}");
 }
 
-/// Goal: two files count as one, quaternions as tangents, and cells left empty as magnets that were not seen; the model's
-/// own equilibria move no parameter.
+/// Goal: two files count as one, quaternions as tangents, and cells left empty as magnets that were not
+/// seen; the model's own equilibria move no parameter.
 #[test]
 fn several_files_quaternions_and_missing_magnets_are_read() {
     let folder = TempDir::new().unwrap();

@@ -30,16 +30,17 @@ const DRAW_EVERY: Duration = Duration::from_millis(100);
 
 /// Modulus, moments, coil gains and clamp from measured equilibria.
 ///
-/// Each line of DATA is the rig at rest: i0_a, i1_a, ... (measured currents, A, in the order of FILE), theta_NAME_deg for
-/// every frame, and for every magnet its tangent towards the tip NAME_tx, NAME_ty, NAME_tz (unit, world) or its
-/// orientation NAME_qx to NAME_qw (body z is the tangent), and where measured its centre NAME_x_m, NAME_y_m, NAME_z_m.
-/// Empty cells mean that a magnet was not seen.
+/// Each line of DATA is the rig at rest: i0_a, i1_a, ... (measured currents, A, in the order of FILE),
+/// theta_NAME_deg for every frame, and for every magnet its tangent towards the tip NAME_tx, NAME_ty,
+/// NAME_tz (unit, world) or its orientation NAME_qx to NAME_qw (body z is the tangent), and where measured
+/// its centre NAME_x_m, NAME_y_m, NAME_z_m. Empty cells mean that a magnet was not seen.
 ///
-/// Every parameter has a prior: how far the value in FILE is trusted. The estimate weighs it against the data; what the
-/// data do not tell stays where it was and is named. Noise that is not stated is estimated from what the fit leaves.
-/// "deviation" is the standard deviation for noise that is independent and alike everywhere; "by samples" is that from
-/// how much the samples disagree, and greater where the model misses something.
-/// Ends with 0; 1 when the search did not end; 65 when the data are refused, with line, column, value and what would be right.
+/// Every parameter has a prior: how far the value in FILE is trusted. The estimate weighs it against the
+/// data; what the data do not tell stays where it was and is named. Noise that is not stated is estimated
+/// from what the fit leaves. "deviation" is the standard deviation for noise that is independent and alike
+/// everywhere; "by samples" is that from how much the samples disagree, and greater where the model misses
+/// something. Ends with 0; 1 when the search did not end; 65 when the data are refused, with line, column,
+/// value and what would be right.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     magsteer tune excite config/bigmag-planar.toml --out data.csv\n  \
@@ -90,8 +91,8 @@ struct PriorArgs {
     /// Of each coil's field per ampere, percent.
     #[arg(long, value_name = "PERCENT", default_value = "3", value_parser = not_negative)]
     prior_gain_percent: f64,
-    /// Of each coordinate of the clamp, mm. Held unless given: a clamp beside the plane in which the coils lie makes the model
-    /// see directions out of the plane that the coils hardly move.
+    /// Of each coordinate of the clamp, mm. Held unless given: a clamp beside the plane in which the coils
+    /// lie makes the model see directions out of the plane that the coils hardly move.
     #[arg(long, value_name = "MM", default_value = "0", value_parser = not_negative)]
     prior_base_mm: f64,
     /// Of the clamp's turn about each world axis, deg. Held unless given.

@@ -1,7 +1,8 @@
 //! Estimates as a TOML file that extends the configuration they were made from.
 //!
-//! Tables merge key by key, so that of a table only what was estimated is written. Arrays of tables replace as a whole:
-//! all coils are written where a gain was free, all parts where a moment was, or a stiffness that stands in a part.
+//! Tables merge key by key, so that of a table only what was estimated is written. Arrays of tables replace
+//! as a whole: all coils are written where a gain was free, all parts where a moment was, or a stiffness
+//! that stands in a part.
 
 use std::path::Path;
 

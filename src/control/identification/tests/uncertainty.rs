@@ -12,7 +12,8 @@ fn disagreement(found: &Identified) -> f64 {
     found.estimates.iter().map(ratio).sum::<f64>() / found.estimates.len() as f64
 }
 
-/// Errors over their stated deviations of many noisy data sets, parameter by parameter; truths drawn from the prior.
+/// Errors over their stated deviations of many noisy data sets, parameter by parameter; truths drawn from
+/// the prior.
 fn normalised_errors(runs: usize, request: &IdentifyRequest, noise: [f64; 2]) -> Vec<Vec<f64>> {
     let rig = Rig::shipped();
     let parameters = rig.parameters(&request.priors);
@@ -25,7 +26,8 @@ fn normalised_errors(runs: usize, request: &IdentifyRequest, noise: [f64; 2]) ->
         blur(&mut samples, noise[0], noise[1], &mut stream);
         let found = identify(&rig.hardware, &rig.rod, &samples, request, |_| {}).expect("enough");
         assert!(found.converged);
-        // Nothing but independent noise is there: both deviations say the same, as far as ten samples can tell.
+        // Nothing but independent noise is there: both deviations say the same, as far as ten samples can
+        // tell.
         let disagreement = disagreement(&found);
         assert!((0.6..1.5).contains(&disagreement), "{disagreement}");
         for ((errors, estimate), truth) in errors.iter_mut().zip(&found.estimates).zip(&truth) {
@@ -57,8 +59,8 @@ fn assert_honest(errors: &[Vec<f64>]) {
     }
 }
 
-/// Goal: over truths drawn from the prior and noise drawn anew, errors have the deviations that are stated with them,
-/// all together and parameter by parameter.
+/// Goal: over truths drawn from the prior and noise drawn anew, errors have the deviations that are stated
+/// with them, all together and parameter by parameter.
 #[test]
 fn errors_have_the_deviations_that_are_stated_with_them() {
     assert_honest(&normalised_errors(
@@ -68,7 +70,8 @@ fn errors_have_the_deviations_that_are_stated_with_them() {
     ));
 }
 
-/// Goal: the same when the noise is estimated from the data, which costs a little: few data know their noise to some percent.
+/// Goal: the same when the noise is estimated from the data, which costs a little: few data know their
+/// noise to some percent.
 #[test]
 fn errors_have_the_stated_deviations_with_estimated_noise_too() {
     let noise = Noise { orientation: NoiseLevel::Estimated, position: NoiseLevel::Estimated };
