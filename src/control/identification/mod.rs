@@ -29,8 +29,9 @@
 //! - `report`, `found`: estimates, their covariance `(J'WJ + P^-1)^-1`, and the directions that the data
 //!   leave to the prior.
 //!
-//! In a weightless world modulus, moments and gains have a common scale that no equilibrium shows; weight
-//! breaks it, weakly.
+//! Some directions no equilibrium shows: all moments greater by as much as all gains are smaller; a turn of
+//! a straight rod with axial magnets about its own tangent at the clamp; and in a weightless world a common
+//! scale of modulus and moments, which weight makes visible.
 //!
 //! **Source.** D. W. Marquardt, SIAM J. Appl. Math. 11, 1963; P. J. Huber, E. M. Ronchetti, *Robust
 //! Statistics*, 2nd ed., section 7.3; A. Tarantola, *Inverse Problem Theory*, 2005, section 3.2, for the
