@@ -8,6 +8,7 @@
 //! - **Pass**: one such integration that yields residual, Newton step and the Jacobian of the magnets with
 //!   every actuation parameter (`shooting`; start reading there). A controller runs one pass a cycle.
 //! - **Solve**: passes until the residual meets a tolerance, near a guess (`solve`) or from rest (`continuation`).
+//! - **Stability** of an equilibrium: number of unstable modes and margin, by the second variation of the energy (`stability`).
 //! - **Held** wrenches stay in the world while the rod moves: the problems of the paper's Algorithm 1 (`held`).
 //!
 //! Constants are in [`Manipulator`], made by [`RodConfig::build`]; state and results are in [`Pass`], allocated once.

@@ -33,7 +33,7 @@ impl<'a> DelayedRig<'a> {
     pub fn new(rig: &'a Rig, state: &'a State, jacobian: JacobianKind) -> Self {
         let mut control = rig.control.clone();
         control.jacobian = jacobian;
-        (control.current_release_per_s, control.stability_rate_per_s) = (0.0, 0.0);
+        (control.current_release_per_s, control.determinant_rate_per_s) = (0.0, 0.0);
         control.damping = 1e-9;
         control.reference_time_constant_ms = 0.0;
         control.response_delay_ms = 0.0;
