@@ -279,8 +279,8 @@ impl Cycle {
             step: &rows.step,
             admitted: &input.admitted,
             period: input.period,
-            margin: self.model.margin(),
-            margin_gradient: self.model.margin_gradient(),
+            determinant: self.model.determinant(),
+            determinant_gradient: self.model.determinant_gradient(),
             frame_angles: self.reference.frame_angles().as_ref(),
         });
         let increment = self.allocation.increment();
