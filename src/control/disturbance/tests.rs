@@ -147,7 +147,7 @@ fn a_model_astray_teaches_nothing() {
     let mut disturbance = Disturbance::new(&config(), 2);
     predict(&mut disturbance, [90.0, 90.0], PERIOD);
     disturbance.learn(&pose([90.0, 90.0], [1, 1]), 0.0);
-    let astray = Prediction { tangents: &tangents([60.0, 90.0]), converged: false, period: PERIOD };
+    let astray = Prediction { tangents: &tangents([89.0, 90.0]), converged: false, period: PERIOD };
     for _ in 0..50 {
         disturbance.predict(&astray);
         disturbance.learn(&pose([95.0, 90.0], [1, 1]), 0.0);
@@ -160,6 +160,31 @@ fn a_model_astray_teaches_nothing() {
     (0..20).for_each(|_| predict(&mut disturbance, [90.0, 90.0], PERIOD));
     disturbance.learn(&pose([95.0, 90.0], [1, 1]), 0.03);
     assert!(bias_deg(&disturbance)[0] > 0.1);
+}
+
+/// Goal: predictions that leap back and forth, as those of an angle that is measured wrongly, neither teach nor are steered by; what moves as fast
+/// as a rod may and with the noise of currents does.
+#[test]
+fn leaping_predictions_are_not_steered_by() {
+    let mut disturbance = Disturbance::new(&config(), 2);
+    predict(&mut disturbance, [90.0, 90.0], PERIOD);
+    disturbance.learn(&pose([91.0, 90.0], [1, 1]), 0.0);
+    for number in 0..200 {
+        let noise = if number % 2 == 0 { 0.3 } else { -0.3 };
+        predict(&mut disturbance, [90.0 + 0.4 * f64::from(number) + noise, 90.0], PERIOD);
+        assert!(disturbance.is_sound(), "{number}");
+    }
+    let before = bias_deg(&disturbance);
+    for number in 0..200 {
+        predict(&mut disturbance, [170.0, if number % 2 == 0 { 60.0 } else { 120.0 }], PERIOD);
+        disturbance.learn(&pose([170.0, 90.0], [1, 1]), 0.0);
+        assert!(!disturbance.is_sound());
+    }
+    assert_eq!(bias_deg(&disturbance), before);
+    (0..99).for_each(|_| predict(&mut disturbance, [170.0, 120.0], PERIOD));
+    assert!(!disturbance.is_sound());
+    (0..3).for_each(|_| predict(&mut disturbance, [170.0, 120.0], PERIOD));
+    assert!(disturbance.is_sound());
 }
 
 /// Goal: the mode's answer is that of the equation, in one period or in many.
