@@ -1,8 +1,9 @@
 //! The controller: from measured tangents to requested currents and angles.
 //!
-//! `reference` shapes the targets, `feedback` decides what it is compared with (late measurements, or the model with its bias as `disturbance` estimates
-//! it), `error` compares tangents, `integral` turns the error into a wanted velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties them to the
-//! model's statics and orientation Jacobian: the exact one, or the paper's `algorithm_1`. What is absent: a clock, a channel, an allocation after construction.
+//! `reference` shapes the targets, `feedback` decides what it is compared with (late measurements, or the model
+//! with its bias as `disturbance` estimates it), `error` compares tangents, `integral` turns the error into a
+//! wanted velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle`
+//! ties them to the model's statics and orientation Jacobian: the exact one, or the paper's `algorithm_1`. What is absent: a clock, a channel, an allocation after construction.
 
 mod algorithm_1;
 mod allocation;
