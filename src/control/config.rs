@@ -28,7 +28,8 @@ pub struct ControlConfig {
     pub integral_per_s2: f64,
     /// How the model's bias is estimated; needed when it is chosen.
     pub disturbance: Option<DisturbanceConfig>,
-    /// Greatest speed of each direction's reference, deg/s, > 0. Frame angles keep the speed of the rig's description.
+    /// Greatest speed of each direction's reference, deg/s, > 0. Frame angles keep the speed of the rig's
+    /// description.
     pub reference_speed_max_deg_per_s: f64,
     /// Greatest acceleration of each direction's reference, deg/s^2, > 0.
     pub reference_acceleration_max_deg_per_s2: f64,
