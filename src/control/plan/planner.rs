@@ -201,6 +201,35 @@ impl Planner {
         followed.arrived.into_iter().next().ok_or(Unreached { tried: 1, most_often })
     }
 
+    /// The setting of the grid, rad, with which most of `targets` are reached from rest, frames held; the one nearest to zero of several.
+    /// `done` is told of each target whether any setting reaches it.
+    pub fn best_fixed(&self, targets: &[Directions], done: impl Fn(bool) + Sync) -> Setting {
+        let reached: Vec<Vec<bool>> = targets
+            .par_iter()
+            .map(|target| {
+                let reached: Vec<bool> =
+                    self.settings.par_iter().map(|setting| self.is_reached_with(setting, target)).collect();
+                done(reached.contains(&true));
+                reached
+            })
+            .collect();
+        let count = |setting: &usize| reached.iter().filter(|reached| reached[*setting]).count();
+        let distance = |setting: &usize| self.settings[*setting].iter().map(|angle| angle.abs()).sum::<f64>();
+        let better =
+            |a: &usize, b: &usize| count(a).cmp(&count(b)).then_with(|| distance(b).total_cmp(&distance(a)));
+        let best = (0..self.settings.len()).max_by(better);
+        best.map_or_else(Setting::default, |best| self.settings[best])
+    }
+
+    fn is_reached_with(&self, setting: &Setting, target: &Directions) -> bool {
+        let rest = &self.rest.posture;
+        let to = Waypoint { directions: *target, frame_angles: *setting };
+        let from = Waypoint { directions: rest.directions, frame_angles: *setting };
+        let mut ways =
+            self.routes().map(|route| [from].into_iter().chain(route.waypoints(&from.directions, &to)));
+        ways.any(|way| self.follow(&mut self.walker.clone(), rest, way.collect()).is_ok())
+    }
+
     /// The best way from `from` to `target`: straight there, or back to rest and from there, whichever keeps farther from what ends walks.
     ///
     /// # Errors
