@@ -71,12 +71,11 @@ impl Shipped {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
         let (document, config) = Config::load(&folder.join(name)).expect("shipped");
         let plant = document.section("plant").expect("shipped");
-        let magnets: Vec<&str> = config.description.magnets().map(|magnet| magnet.name.as_str()).collect();
         let experiment = Document::load(&folder.join("experiments/planar.toml")).expect("shipped");
-        let experiment = Experiment::from_document(&experiment, &magnets).expect("shipped");
-        let target = |step| experiment.directions(step, &magnets);
+        let experiment = Experiment::from_document(&experiment, &config.description).expect("shipped");
+        let target = |step| experiment.target(step, &config.description);
         let steps = experiment.steps.iter();
-        let steps = steps.map(|step| TimedTarget { directions: target(step), duration: step.duration_s });
+        let steps = steps.map(|step| TimedTarget { target: target(step), duration: step.duration_s });
         Self { steps: steps.collect(), plant, config }
     }
 

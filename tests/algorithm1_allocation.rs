@@ -43,7 +43,7 @@ fn input(cycle: u32) -> CycleInput {
         pose_age: 5e-3,
         measured,
         admitted: measured,
-        target,
+        target: target.into(),
         engaged: cycle % 100 > 10,
     }
 }

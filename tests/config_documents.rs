@@ -204,7 +204,7 @@ fn mistyped_experiments_are_refused_alike() {
     ];
     let read = |text: &str| {
         let document = Document::from_text("steps.toml", text)?;
-        Experiment::from_document(&document, &["m1", "m2"])
+        Experiment::from_document(&document, &magsteer_hal::scripted::example_description())
     };
     assert!(read(STEPS).is_ok());
     for (from, to, key, expected) in cases {

@@ -56,7 +56,7 @@ impl Step for Constant {
         if input.engaged {
             request.current_a[..3].copy_from_slice(&[2.0, -2.0, 1.0]);
         }
-        CycleOutcome { desired: input.target, ..CycleOutcome::asking_for(request) }
+        CycleOutcome { desired: input.target.directions, ..CycleOutcome::asking_for(request) }
     }
 }
 
@@ -182,7 +182,8 @@ fn an_operator_arms_steers_sets_targets_and_stops() {
     assert_eq!((status.state, status.coil_count, status.magnet_count), (state::ACTIVE, 3, 2));
     let mut direction = Directions::default();
     (direction[0], direction[1]) = ([1.0, 0.0, 0.0], [0.6, 0.0, 0.8]);
-    let target = OperatorRequest { verb: verb::SET_TARGET, magnet_count: 2, direction };
+    let target =
+        OperatorRequest { verb: verb::SET_TARGET, magnet_count: 2, direction, ..OperatorRequest::default() };
     assert_eq!(operator.send(target).accepted, 1);
     operator.until(|status| status.target_direction == direction && status.desired_direction == direction);
     operator.insist(verb::STOP);

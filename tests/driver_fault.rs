@@ -87,7 +87,7 @@ fn a_coil_too_hot_ends_in_a_latched_fault_until_it_has_cooled() {
     for direction in &mut target[..2] {
         *direction = [70.0_f64.to_radians().sin(), 0.0, 70.0_f64.to_radians().cos()];
     }
-    bench.ask(Verb::SetTarget(target)).expect("unit directions");
+    bench.ask(Verb::SetTarget(target.into())).expect("unit directions");
     let fault = bench.until(2000, |record| record.decision.state == state::FAULT).expect("too hot");
     assert_eq!(fault.decision.cause, Some(Cause::DriverFault));
     let feedback = fault.feedback.expect("told");

@@ -35,7 +35,8 @@ impl Step for Scripted {
         if input.engaged {
             request.current_a[0] = self.current;
         }
-        let mut outcome = CycleOutcome { desired: input.target, ..CycleOutcome::asking_for(request) };
+        let mut outcome =
+            CycleOutcome { desired: input.target.directions, ..CycleOutcome::asking_for(request) };
         outcome.model.converged = self.converged;
         outcome
     }
@@ -56,7 +57,7 @@ fn some_verb(random: &mut rand_chacha::ChaCha8Rng) -> Option<Verb> {
         Verb::Hold,
         Verb::Reset,
         Verb::Stop,
-        Verb::SetTarget([UP; 8]),
+        Verb::SetTarget([UP; 8].into()),
         Verb::EmergencyStop,
     ];
     let last = if random.random_bool(0.1) { verbs.len() } else { verbs.len() - 1 };
@@ -178,7 +179,7 @@ fn the_real_controller_allocates_nothing() {
         control_loop.hardware_mut().disturb(&mut random);
         let verb = if random.random_bool(0.004) {
             let angle: f64 = random.random_range(-3.0..3.0);
-            Some(Verb::SetTarget([[angle.sin(), 0.0, angle.cos()]; 8]))
+            Some(Verb::SetTarget([[angle.sin(), 0.0, angle.cos()]; 8].into()))
         } else {
             // A stop now and then, but long stretches of steering.
             some_verb(&mut random).filter(|verb| *verb != Verb::Stop || random.random_bool(0.2))

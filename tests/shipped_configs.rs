@@ -39,11 +39,10 @@ fn every_configuration_loads() {
 #[test]
 fn every_experiment_loads_for_the_two_magnets_of_the_default_rig() {
     let rig = load("bigmag-planar.toml");
-    let magnets: Vec<&str> = rig.magnets().map(|magnet| magnet.name.as_str()).collect();
     let files = files(&root().join("experiments"));
     assert!(!files.is_empty());
     for file in files {
-        if let Err(problems) = Experiment::load(&file, &magnets) {
+        if let Err(problems) = Experiment::load(&file, &rig) {
             panic!("{}:\n{problems}", file.display());
         }
     }
@@ -174,13 +173,13 @@ fn the_reference_cantilever_is_a_weightless_inextensible_metre() {
 
 #[test]
 fn the_planar_experiment_plays_its_eight_steps_in_the_plane() {
-    let magnets = ["m1", "m2"];
-    let experiment = Experiment::load(&root().join("experiments/planar.toml"), &magnets).unwrap();
+    let rig = load("bigmag-planar.toml");
+    let experiment = Experiment::load(&root().join("experiments/planar.toml"), &rig).unwrap();
     let steps = [(90, 90), (70, 70), (110, 70), (80, 110), (60, 90), (90, 60), (90, 120), (90, 90)];
     assert_eq!(experiment.steps.len(), steps.len());
     for (step, (first, second)) in experiment.steps.iter().zip(steps) {
         assert_eq!((step.target_deg["m1"], step.target_deg["m2"]), (f64::from(first), f64::from(second)));
-        for (direction, angle) in experiment.directions(step, &magnets).iter().zip([first, second]) {
+        for (direction, angle) in experiment.target(step, &rig).directions.iter().zip([first, second]) {
             let (sine, cosine) = f64::from(angle).to_radians().sin_cos();
             let error = (Vector3::from(*direction) - Vector3::new(sine, 0.0, cosine)).norm();
             assert!(error < 1e-15, "{direction:?} at {angle} degrees from z");

@@ -43,7 +43,7 @@ impl Recording {
         run(Some(Verb::Arm), 0.3);
         run(Some(Verb::Go), 0.1);
         for angles in TARGETS_DEG {
-            run(Some(Verb::SetTarget(directions(angles))), TARGET_LASTS);
+            run(Some(Verb::SetTarget(directions(angles).into())), TARGET_LASTS);
         }
         let start = inputs.iter().position(|input| input.engaged).expect("the loop steers");
         let steering = inputs.split_off(start);

@@ -120,7 +120,7 @@ fn input(present: Actuation, target: Directions, engaged: bool) -> CycleInput {
         pose_age: 5e-3,
         measured: present,
         admitted: present,
-        target,
+        target: target.into(),
         engaged,
     }
 }

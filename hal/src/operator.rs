@@ -8,7 +8,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 pub use cause::Cause;
 
-use crate::message::{Actuation, Header, MAGNETS_MAX};
+use crate::message::{Actuation, Header, MAGNETS_MAX, POSE_PARAMETERS_MAX};
 
 /// What an operator asks for; the codes of [`OperatorRequest::verb`].
 pub mod verb {
@@ -64,7 +64,7 @@ pub mod state {
 /// One request of an operator.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_operator_request_v1")]
+#[type_name("magsteer_operator_request_v2")]
 pub struct OperatorRequest {
     /// One of [`verb`].
     pub verb: u32,
@@ -72,6 +72,12 @@ pub struct OperatorRequest {
     pub magnet_count: u32,
     /// Desired unit tangent of each magnet, world.
     pub direction: [[f64; 3]; MAGNETS_MAX],
+    /// Entries of `angle_rad` in use: as many as the rig has frames, or none to leave the frames to the daemon.
+    pub pose_parameter_count: u32,
+    /// Reserved, zero.
+    pub reserved: u32,
+    /// Where each frame shall stand when the magnets have arrived.
+    pub angle_rad: [f64; POSE_PARAMETERS_MAX],
 }
 
 /// The daemon's answer: done, or why not.

@@ -12,6 +12,7 @@ use clap::Args;
 use magsteer::config::{Config, Document, Experiment};
 use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::{RunReport, StopFlag};
+use magsteer_hal::HardwareDescription;
 use magsteer_hal::channels::{Endpoint, PrivateRoot};
 use magsteer_hal::operator::{state, verb};
 use serde::Serialize;
@@ -74,8 +75,8 @@ impl Demo {
     pub fn run(&self) -> anyhow::Result<Exit> {
         let document = shipped::config(self.config.as_deref())?;
         let config = Config::from_document(&document)?;
-        let magnets: Vec<&str> = config.description.magnets().map(|magnet| magnet.name.as_str()).collect();
-        let experiment = shipped::experiment(self.experiment.as_deref(), &magnets).map_err(Failure::data)?;
+        let experiment =
+            shipped::experiment(self.experiment.as_deref(), &config.description).map_err(Failure::data)?;
         let folder = self.folder()?;
         let stop = Arc::new(StopFlag::new());
         let (played, daemon, plant) = watching(
@@ -84,7 +85,7 @@ impl Demo {
             || (),
             || {
                 let mut rig = Rig::start(&document, &config, &folder)?;
-                let played = rig.play(&experiment, &magnets, &stop);
+                let played = rig.play(&experiment, &config.description, &stop);
                 let reports = rig.end();
                 // Why it could not be played says more than what the children made of that.
                 let played = played?;
@@ -177,13 +178,13 @@ impl Rig {
     fn play(
         &mut self,
         experiment: &Experiment,
-        magnets: &[&str],
+        description: &HardwareDescription,
         stop: &StopFlag,
     ) -> anyhow::Result<Option<Played>> {
         let Some(mut session) = self.ready(stop)? else { return Ok(None) };
         session.arm(READY_WAIT)?;
         session.request(verb::GO, "go")?;
-        let played = session.play(experiment, magnets, stop).map_err(|error| self.explain(error))?;
+        let played = session.play(experiment, description, stop).map_err(|error| self.explain(error))?;
         Ok(stop.requested().is_none().then_some(played))
     }
 

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-#[cfg(feature = "sim")]
 use magsteer::config::Experiment;
 use magsteer::config::{Document, Problems};
+#[cfg(feature = "sim")]
+use magsteer_hal::HardwareDescription;
 
 /// The rig that is meant when none is named.
 const CONFIG: &str = "config/bigmag-planar.toml";
@@ -25,8 +26,8 @@ const EXPERIMENT_TEXT: &str = include_str!("../../config/experiments/planar.toml
 
 /// Reads the experiment named, else the default one, else the copy of it in this program.
 #[cfg(feature = "sim")]
-pub fn experiment(file: Option<&Path>, magnets: &[&str]) -> Result<Experiment, Problems> {
-    Experiment::from_document(&read(file, EXPERIMENT, EXPERIMENT_TEXT)?, magnets)
+pub fn experiment(file: Option<&Path>, rig: &HardwareDescription) -> Result<Experiment, Problems> {
+    Experiment::from_document(&read(file, EXPERIMENT, EXPERIMENT_TEXT)?, rig)
 }
 
 fn read(file: Option<&Path>, default: &str, text: &str) -> Result<Document, Problems> {

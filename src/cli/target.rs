@@ -102,8 +102,7 @@ struct PlayAnswer<'a> {
 impl Play {
     fn run(&self) -> anyhow::Result<Exit> {
         let description = self.rig.load(None)?.description;
-        let magnets: Vec<&str> = description.magnets().map(|magnet| magnet.name.as_str()).collect();
-        let experiment = Experiment::load(&self.experiment, &magnets).map_err(Failure::data)?;
+        let experiment = Experiment::load(&self.experiment, &description).map_err(Failure::data)?;
         let endpoint = self.rig.endpoint(None)?;
         let stop = Arc::new(StopFlag::new());
         let played = watching(
@@ -120,7 +119,7 @@ impl Play {
                     );
                     return Err(Failure::with(Exit::No, message));
                 }
-                session.play(&experiment, &magnets, &stop)
+                session.play(&experiment, &description, &stop)
             },
         )??;
         if stop.requested().is_some() {
@@ -159,7 +158,8 @@ impl Set {
         };
         let count = u32::try_from(magnets.len()).unwrap_or(u32::MAX);
         let direction = asked(&present)?;
-        let message = OperatorRequest { verb: verb::SET_TARGET, magnet_count: count, direction };
+        let message =
+            OperatorRequest { verb: verb::SET_TARGET, magnet_count: count, direction, ..Default::default() };
         request(&mut client, message, self.json)
     }
 }

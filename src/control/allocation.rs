@@ -11,7 +11,7 @@
 //! `J s`: it lets currents decay, and leads away from snap-through where the margin of stability is too small. Method `truncated-svd`: eqs. (18) and (19) over the same scaled
 //! parameters, then the whole step shortened until the first limit is met. Scaling is a deviation from (18), which mixes amperes and radians.
 
-use magsteer_hal::{Actuation, HardwareDescription};
+use magsteer_hal::{Actuation, HardwareDescription, POSE_PARAMETERS_MAX};
 use serde::{Deserialize, Serialize};
 
 use super::config::{ControlConfig, FrameUse};
@@ -32,7 +32,10 @@ pub enum AllocationKind {
 struct Limits {
     least: f64,
     most: f64,
+    /// Rate that steering may use.
     rate: f64,
+    /// Rate that the parameter is capable of.
+    speed: f64,
     /// Range by which the parameter is scaled.
     range: f64,
 }
@@ -52,6 +55,9 @@ pub struct Wish<'a> {
     pub margin: f64,
     /// Its change with each parameter, 1/A and 1/rad.
     pub margin_gradient: &'a [f64],
+    /// Where the frames shall be at the end of the cycle, rad: they go there as far as their speed lets them, and the currents undo
+    /// what that does to the magnets. `None` where the frames are the allocation's own.
+    pub frame_angles: Option<&'a [f64; POSE_PARAMETERS_MAX]>,
 }
 
 /// What an allocation did.
@@ -82,6 +88,8 @@ pub struct Allocation {
     lower: Vec<f64>,
     upper: Vec<f64>,
     increment: Vec<f64>,
+    /// The wanted step less what prescribed turns of the frames do.
+    step: Vec<f64>,
 }
 
 impl Allocation {
@@ -92,6 +100,7 @@ impl Allocation {
             least: -coil.current_max,
             most: coil.current_max,
             rate: coil.slew_max,
+            speed: coil.slew_max,
             range: coil.current_max,
         });
         let held = config.frame_angles == FrameUse::Hold;
@@ -99,6 +108,7 @@ impl Allocation {
             least: frame.angle_min,
             most: frame.angle_max,
             rate: if held { 0.0 } else { frame.speed_max },
+            speed: frame.speed_max,
             range: frame.angle_max.abs().max(frame.angle_min.abs()),
         });
         let limits: Vec<Limits> = currents.chain(angles).collect();
@@ -120,6 +130,7 @@ impl Allocation {
             lower: vec![0.0; unknowns],
             upper: vec![0.0; unknowns],
             increment: vec![0.0; unknowns],
+            step: vec![0.0; rows],
         }
     }
 
@@ -134,14 +145,23 @@ impl Allocation {
             }
         }
         self.bound(wish);
+        self.step.copy_from_slice(wish.step);
+        if let Some(angles) = wish.frame_angles {
+            self.prescribe(angles, wish);
+        }
         self.svd.decompose(&self.scaled);
         let saturated = match self.kind {
             AllocationKind::Bounded => {
                 self.prefer(wish);
-                self.bounded(wish.step)
+                self.bounded()
             }
-            AllocationKind::TruncatedSvd => self.truncated(wish.step),
+            AllocationKind::TruncatedSvd => self.truncated(),
         };
+        if let Some(angles) = wish.frame_angles {
+            for frame in self.coils..self.limits.len() {
+                self.increment[frame] = self.prescribed(frame, angles, wish);
+            }
+        }
         for (increment, limits) in self.increment.iter_mut().zip(&self.limits) {
             *increment *= limits.range;
         }
@@ -189,10 +209,34 @@ impl Allocation {
         }
     }
 
-    fn bounded(&mut self, step: &[f64]) -> u32 {
+    /// Turn of a frame that was asked for, over its range, within its limits.
+    fn prescribed(&self, parameter: usize, angles: &[f64; POSE_PARAMETERS_MAX], wish: &Wish<'_>) -> f64 {
+        let (limits, frame) = (&self.limits[parameter], parameter - self.coils);
+        let present = wish.admitted.angle_rad[frame];
+        let reach = limits.speed * wish.period;
+        let turn = (angles[frame].clamp(limits.least, limits.most) - present).clamp(-reach, reach);
+        turn / limits.range
+    }
+
+    /// Leaves to the currents what turning the frames as asked does to the magnets.
+    fn prescribe(&mut self, angles: &[f64; POSE_PARAMETERS_MAX], wish: &Wish<'_>) {
+        let unknowns = self.limits.len();
+        for parameter in self.coils..unknowns {
+            let turn = self.prescribed(parameter, angles, wish) * self.limits[parameter].range;
+            let rows = self.scaled.chunks_exact_mut(unknowns).zip(wish.jacobian.chunks_exact(unknowns));
+            for (step, (scaled, row)) in self.step.iter_mut().zip(rows) {
+                *step -= row[parameter] * turn;
+                scaled[parameter] = 0.0;
+            }
+            self.lower[parameter] = 0.0;
+            self.upper[parameter] = 0.0;
+        }
+    }
+
+    fn bounded(&mut self) -> u32 {
         let report = self.solver.solve(&BoundedProblem {
             matrix: &self.scaled,
-            right: step,
+            right: &self.step,
             damping: self.damping,
             preferred: &self.preferred,
             lower: &self.lower,
@@ -202,8 +246,8 @@ impl Allocation {
         report.at_bound
     }
 
-    fn truncated(&mut self, step: &[f64]) -> u32 {
-        self.svd.pseudo_solve(step, self.ratio_max, &mut self.increment); // (18), (19)
+    fn truncated(&mut self) -> u32 {
+        self.svd.pseudo_solve(&self.step, self.ratio_max, &mut self.increment); // (18), (19)
         let mut fraction = 1.0_f64;
         let mut saturated = 0;
         for ((x, lower), upper) in self.increment.iter().zip(&self.lower).zip(&self.upper) {

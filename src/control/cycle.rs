@@ -40,8 +40,8 @@ pub struct CycleInput {
     pub measured: Actuation,
     /// Currents and angles admitted last.
     pub admitted: Actuation,
-    /// Desired tangents.
-    pub target: Directions,
+    /// Desired tangents, and where the frames shall stand if that is asked for.
+    pub target: ReferenceTarget,
     /// True to steer; false to follow the model along and integrate nothing.
     pub engaged: bool,
 }
@@ -281,6 +281,7 @@ impl Cycle {
             period: input.period,
             margin: self.model.margin(),
             margin_gradient: self.model.margin_gradient(),
+            frame_angles: self.reference.frame_angles().as_ref(),
         });
         let increment = self.allocation.increment();
         for (achieved, row) in
@@ -310,8 +311,7 @@ impl Cycle {
 
     /// Moves the reference on.
     fn lead(&mut self, input: &CycleInput) {
-        let target = ReferenceTarget { directions: input.target, frame_angles: None };
-        self.reference.advance(&target, input.period);
+        self.reference.advance(&input.target, input.period);
         self.feedback.follow(&self.reference.directions(), input.period);
     }
 

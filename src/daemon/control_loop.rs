@@ -25,7 +25,7 @@ use super::statistics::CycleTiming;
 use super::supervisor::{Decision, Supervisor};
 use super::trust::{self, Astray};
 use super::watch::{DriverView, Observation};
-use crate::control::{CycleInput, CycleOutcome, Directions, Step};
+use crate::control::{CycleInput, CycleOutcome, Directions, ReferenceTarget, Step};
 use crate::math::scramble;
 
 /// After a stall the loop acts as if at most this many periods had passed, so that it never makes up in
@@ -56,7 +56,7 @@ pub struct CycleRecord {
     /// Currents and angles admitted last, this cycle's included.
     pub admitted: Actuation,
     /// Target as set last; zero before the first.
-    pub target: Directions,
+    pub target: ReferenceTarget,
     /// Execution time; filled in by whoever has a clock.
     pub execution: Duration,
 }
@@ -118,7 +118,7 @@ pub struct ControlLoop<H, S> {
     gate: Gate,
     rig: Rig,
     request: Option<Request>,
-    target: Option<Directions>,
+    target: Option<ReferenceTarget>,
     reference: Directions,
     frozen: Directions,
     previous_now: Option<Stamp>,
@@ -160,7 +160,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         Self {
             hardware,
             controller,
-            supervisor: Supervisor::new(limits, description.magnets().count(), options.realtime_missing),
+            supervisor: Supervisor::new(limits, description, options.realtime_missing),
             gate: Gate::new(description),
             rig,
             request: None,
@@ -230,7 +230,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         self.previous_now = Some(tick.now);
         let state = self.supervisor.state();
         let held = matches!(state, State::Holding { by_operator: true, .. });
-        let target = if held { self.frozen } else { self.target.unwrap_or_default() };
+        let target = if held { self.frozen.into() } else { self.target.unwrap_or_default() };
         let admitted = *self.gate.previous();
         CycleInput {
             period: elapsed.min(self.rig.period * PERIODS_PER_STEP_MAX).as_secs_f64(),
@@ -280,7 +280,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         if decision.directive == Directive::Begin {
             // Without a target the loop keeps the rod where it was found.
             self.reference = outcome.measured;
-            self.target.get_or_insert(outcome.measured);
+            self.target.get_or_insert(outcome.measured.into());
         }
         if decision.froze {
             self.frozen = self.reference;

@@ -163,7 +163,7 @@ fn the_first_command_equals_what_was_measured_then_it_slews() {
 fn without_a_target_the_rod_is_kept_where_it_was_found() {
     let mut bench = Bench::active();
     bench.cycle();
-    assert_eq!(bench.controller().seen.expect("a cycle ran").target, [UP; 8]);
+    assert_eq!(bench.controller().seen.expect("a cycle ran").target, [UP; 8].into());
 }
 
 #[test]
@@ -171,10 +171,10 @@ fn a_target_reaches_the_controller_in_the_next_cycle() {
     let mut bench = Bench::active();
     let mut target = Directions::default();
     (target[0], target[1]) = ([1.0, 0.0, 0.0], [0.6, 0.0, 0.8]);
-    bench.ask(Verb::SetTarget(target)).expect("unit vectors");
+    bench.ask(Verb::SetTarget(target.into())).expect("unit vectors");
     let record = bench.cycle();
-    assert_eq!(record.input.target, target);
-    assert_eq!(record.target, target);
+    assert_eq!(record.input.target, target.into());
+    assert_eq!(record.target, target.into());
 }
 
 #[test]
@@ -186,10 +186,10 @@ fn a_hold_freezes_the_reference_of_its_moment_until_go() {
     bench.ask(Verb::Hold).expect("steering");
     bench.controller().desired = [UP; 8];
     let record = *bench.cycles(20).last().expect("cycles ran");
-    assert_eq!((record.decision.state, record.input.target), (state::HOLDING, moving));
+    assert_eq!((record.decision.state, record.input.target), (state::HOLDING, moving.into()));
     assert!(record.input.engaged, "held in closed loop");
     bench.ask(Verb::Go).expect("holding");
-    assert_eq!(bench.cycle().input.target, [UP; 8], "back to the target as set");
+    assert_eq!(bench.cycle().input.target, [UP; 8].into(), "back to the target as set");
 }
 
 #[test]

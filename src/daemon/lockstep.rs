@@ -22,7 +22,7 @@ use super::config::DaemonConfig;
 use super::control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
 use super::state::{Request, Verb};
 use super::step_response::{Judge, Observation, StepResponse};
-use crate::control::{Directions, Step};
+use crate::control::{ReferenceTarget, Step};
 
 /// Time for the first feedback and poses, s: many periods of the slowest sensor.
 const BOOT_TIME: f64 = 0.5;
@@ -36,8 +36,8 @@ const BEGIN: Stamp = Stamp::from_nanoseconds(1_000_000_000);
 /// A target, and how long it is steered to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimedTarget {
-    /// Desired tangents.
-    pub directions: Directions,
+    /// Desired tangents, and frame angles if any are planned.
+    pub target: ReferenceTarget,
     /// Time until the next target, s.
     pub duration: f64,
 }
@@ -184,8 +184,8 @@ impl<H: Hardware, S: Step> Lockstep<H, S> {
             if self.end_after(index) != PlayEnd::Complete {
                 break;
             }
-            self.ask(Verb::SetTarget(step.directions));
-            let mut judge = Judge::new(&step.directions[..self.magnets]);
+            self.ask(Verb::SetTarget(step.target));
+            let mut judge = Judge::new(&step.target.directions[..self.magnets]);
             let (magnets, period) = (self.magnets, self.period.as_secs_f64());
             let mut cycles = 0.0;
             let flow = self.run(step.duration, |record, hardware| {
@@ -283,7 +283,7 @@ mod tests {
     }
 
     fn targets(count: usize) -> Vec<TimedTarget> {
-        vec![TimedTarget { directions: [UP; MAGNETS_MAX], duration: 0.3 }; count]
+        vec![TimedTarget { target: [UP; MAGNETS_MAX].into(), duration: 0.3 }; count]
     }
 
     /// Goal: the watcher sees every cycle, those before the first step among them, and steps are judged by
@@ -333,7 +333,7 @@ mod tests {
     #[test]
     fn a_refused_target_ends_the_experiment() {
         let mut lockstep = lockstep(u32::MAX);
-        let targets = [TimedTarget { directions: [[0.0; 3]; MAGNETS_MAX], duration: 0.3 }; 2];
+        let targets = [TimedTarget { target: [[0.0; 3]; MAGNETS_MAX].into(), duration: 0.3 }; 2];
         let played = lockstep.play(&targets, upright, |_| ControlFlow::Continue(()));
         assert_eq!(played.end, PlayEnd::Refused { cause: Some(Cause::TargetInvalid) });
         assert_eq!(played.steps.len(), 1);

@@ -22,7 +22,7 @@
 use magsteer_hal::Stamp;
 use magsteer_hal::operator::{Cause, state};
 
-use crate::control::Directions;
+use crate::control::ReferenceTarget;
 
 /// Where the daemon is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,8 +109,8 @@ pub enum Verb {
     Reset,
     /// Cut the amplifiers.
     EmergencyStop,
-    /// Steer towards these tangents.
-    SetTarget(Directions),
+    /// Steer towards these tangents, with the frames at these angles if any are given.
+    SetTarget(ReferenceTarget),
 }
 
 /// A verb with the number under which it is answered.

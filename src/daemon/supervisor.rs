@@ -11,7 +11,8 @@ use magsteer_hal::Stamp;
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::Cause;
 
-use crate::control::Directions;
+use crate::control::{Directions, ReferenceTarget};
+use magsteer_hal::HardwareDescription;
 
 use super::config::Limits;
 use super::state::{ANSWERS_MAX, Answer, Directive, Request, State, Transition, Verb};
@@ -33,7 +34,7 @@ pub struct Decision {
     /// Answers to requests, in their order.
     pub answers: [Option<Answer>; ANSWERS_MAX],
     /// Target accepted in this cycle.
-    pub target: Option<Directions>,
+    pub target: Option<ReferenceTarget>,
     /// True when the operator's hold began in this cycle: the reference is to be frozen.
     pub froze: bool,
 }
@@ -50,6 +51,8 @@ pub struct Supervisor {
     /// Until when a release is repeated.
     release_until: Stamp,
     magnet_count: usize,
+    /// Least and greatest angle of each frame, rad.
+    angle_ranges: Vec<(f64, f64)>,
     realtime_missing: bool,
     ending: bool,
 }
@@ -57,11 +60,12 @@ pub struct Supervisor {
 impl Supervisor {
     /// Starts in `Boot`. `realtime_missing`: real time is enforced and was not granted.
     #[must_use]
-    pub fn new(limits: Limits, magnet_count: usize, realtime_missing: bool) -> Self {
+    pub fn new(limits: Limits, rig: &HardwareDescription, realtime_missing: bool) -> Self {
         Self {
             state: State::Boot,
             watch: Watch::new(limits),
-            magnet_count,
+            magnet_count: rig.magnets().count(),
+            angle_ranges: rig.frames.iter().map(|frame| (frame.angle_min, frame.angle_max)).collect(),
             cause: None,
             epoch: 0,
             release_until: Stamp::default(),
@@ -92,8 +96,8 @@ impl Supervisor {
             self.trip(cause, seen.now, &mut answers);
         }
         match request {
-            Some(Request { id, verb: Verb::SetTarget(directions) }) => {
-                target = unit_directions(&directions, self.magnet_count);
+            Some(Request { id, verb: Verb::SetTarget(asked) }) => {
+                target = self.usable(&asked);
                 answers.push(id, target.is_none().then_some(Cause::TargetInvalid));
             }
             Some(request) => self.take(request, seen, &mut answers),
@@ -103,6 +107,15 @@ impl Supervisor {
         self.forget_authority(seen);
         let decision = self.decision(&before, seen, &answers);
         Decision { target, ..decision }
+    }
+
+    /// The target with its directions normalised; `None` when the rig cannot take it.
+    fn usable(&self, target: &ReferenceTarget) -> Option<ReferenceTarget> {
+        let directions = unit_directions(&target.directions, self.magnet_count)?;
+        let mut angles = target.frame_angles.iter().flat_map(|angles| angles.iter().zip(&self.angle_ranges));
+        // Not a number lies in no range.
+        let within = angles.all(|(angle, (least, most))| (least..=most).contains(&angle));
+        within.then_some(ReferenceTarget { directions, ..*target })
     }
 
     /// True when the process was told to end and nothing is left to send.

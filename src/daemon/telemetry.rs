@@ -13,6 +13,8 @@ use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, state, verb
 use magsteer_hal::{HardwareDescription, Stamp};
 use rtrb::{Consumer, Producer};
 
+use crate::control::ReferenceTarget;
+
 use super::config::DaemonConfig;
 use super::control_loop::CycleRecord;
 use super::runner::LoopCounters;
@@ -68,7 +70,7 @@ pub struct Telemetry {
     pending: Vec<Pending>,
     next_id: u32,
     arm_at_start: Option<ArmAtStart>,
-    magnet_count: u32,
+    rig: Counts,
 }
 
 impl Telemetry {
@@ -91,7 +93,10 @@ impl Telemetry {
             pending: Vec::with_capacity(PENDING_MAX),
             next_id: ARM_AT_START + 1,
             arm_at_start: arm.then(|| ArmAtStart { give_up: now.after(ARM_PATIENCE), next: now }),
-            magnet_count: u32::try_from(description.magnets().count()).unwrap_or(u32::MAX),
+            rig: Counts {
+                magnets: u32::try_from(description.magnets().count()).unwrap_or(u32::MAX),
+                frames: u32::try_from(description.frames.len()).unwrap_or(u32::MAX),
+            },
         }
     }
 
@@ -141,7 +146,7 @@ impl Telemetry {
     fn take_requests(&mut self, now: Stamp) {
         self.pending.retain(|pending| now.since(pending.since) <= ANSWER_PATIENCE);
         while let Some(incoming) = self.server.next_request() {
-            match parse(incoming.request(), self.magnet_count) {
+            match parse(incoming.request(), self.rig) {
                 Ok(verb) if self.pending.len() < PENDING_MAX => self.hand_over(verb, incoming, now),
                 Ok(_) => self.refuse(incoming, Cause::Busy),
                 Err(cause) => self.refuse(incoming, cause),
@@ -200,8 +205,26 @@ impl Telemetry {
     }
 }
 
+/// How many magnets and frames a target of this rig names.
+#[derive(Debug, Clone, Copy)]
+struct Counts {
+    magnets: u32,
+    frames: u32,
+}
+
+/// The target that a request names.
+fn target(request: &OperatorRequest, rig: Counts) -> Result<ReferenceTarget, Cause> {
+    let frame_angles = match request.pose_parameter_count {
+        0 => None,
+        count if count == rig.frames => Some(request.angle_rad),
+        _ => return Err(Cause::TargetInvalid),
+    };
+    let target = ReferenceTarget { directions: request.direction, frame_angles };
+    if request.magnet_count == rig.magnets { Ok(target) } else { Err(Cause::TargetInvalid) }
+}
+
 /// What an operator's request asks of the loop.
-fn parse(request: &OperatorRequest, magnet_count: u32) -> Result<Verb, Cause> {
+fn parse(request: &OperatorRequest, rig: Counts) -> Result<Verb, Cause> {
     match request.verb {
         verb::ARM => Ok(Verb::Arm),
         verb::GO => Ok(Verb::Go),
@@ -209,8 +232,7 @@ fn parse(request: &OperatorRequest, magnet_count: u32) -> Result<Verb, Cause> {
         verb::STOP => Ok(Verb::Stop),
         verb::RESET => Ok(Verb::Reset),
         verb::ESTOP => Ok(Verb::EmergencyStop),
-        verb::SET_TARGET if request.magnet_count == magnet_count => Ok(Verb::SetTarget(request.direction)),
-        verb::SET_TARGET => Err(Cause::TargetInvalid),
+        verb::SET_TARGET => target(request, rig).map(Verb::SetTarget),
         _ => Err(Cause::UnknownVerb),
     }
 }
@@ -239,15 +261,25 @@ pub fn log(line: std::fmt::Arguments<'_>) {
 mod tests {
     use magsteer_hal::operator::{Cause, OperatorRequest, verb};
 
-    use super::{Verb, parse};
+    use super::{Counts, ReferenceTarget, Verb, parse};
 
     #[test]
-    fn unknown_verbs_and_targets_for_another_count_of_magnets_are_refused() {
-        let request = |verb, magnet_count| OperatorRequest { verb, magnet_count, direction: [[0.0; 3]; 8] };
-        assert_eq!(parse(&request(0, 2), 2), Err(Cause::UnknownVerb));
-        assert_eq!(parse(&request(99, 2), 2), Err(Cause::UnknownVerb));
-        assert_eq!(parse(&request(verb::SET_TARGET, 3), 2), Err(Cause::TargetInvalid));
-        assert_eq!(parse(&request(verb::SET_TARGET, 2), 2), Ok(Verb::SetTarget([[0.0; 3]; 8])));
-        assert_eq!(parse(&request(verb::GO, 0), 2), Ok(Verb::Go));
+    fn unknown_verbs_and_targets_for_another_count_of_magnets_or_frames_are_refused() {
+        let request = |verb, magnet_count| OperatorRequest { verb, magnet_count, ..Default::default() };
+        let turning = |pose_parameter_count| OperatorRequest {
+            pose_parameter_count,
+            angle_rad: [0.5; 8],
+            ..request(verb::SET_TARGET, 2)
+        };
+        let rig = Counts { magnets: 2, frames: 2 };
+        let parse = |request: &OperatorRequest| parse(request, rig);
+        assert_eq!(parse(&request(0, 2)), Err(Cause::UnknownVerb));
+        assert_eq!(parse(&request(99, 2)), Err(Cause::UnknownVerb));
+        assert_eq!(parse(&request(verb::SET_TARGET, 3)), Err(Cause::TargetInvalid));
+        assert_eq!(parse(&request(verb::SET_TARGET, 2)), Ok(Verb::SetTarget([[0.0; 3]; 8].into())));
+        assert_eq!(parse(&turning(3)), Err(Cause::TargetInvalid));
+        let turned = ReferenceTarget { directions: [[0.0; 3]; 8], frame_angles: Some([0.5; 8]) };
+        assert_eq!(parse(&turning(2)), Ok(Verb::SetTarget(turned)));
+        assert_eq!(parse(&request(verb::GO, 0)), Ok(Verb::Go));
     }
 }

@@ -99,7 +99,7 @@ impl StatusView {
             coil_count: self.coil_count,
             pose_parameter_count: self.pose_parameter_count,
             model_converged: u32::from(outcome.model.converged),
-            target_direction: record.target,
+            target_direction: record.target.directions,
             desired_direction: outcome.desired,
             measured_direction: outcome.measured,
             predicted_direction: outcome.predicted,

@@ -99,7 +99,7 @@ impl Episode {
             if left < 0.5e-3 {
                 break;
             }
-            let target = Verb::SetTarget(directions(TARGETS_DEG[step % 2]));
+            let target = Verb::SetTarget(directions(TARGETS_DEG[step % 2]).into());
             lockstep.request(target).expect("one request a step");
             _ = lockstep.run(TARGET_TIME.min(left), |record, rig| {
                 cycles += 1.0;

@@ -157,7 +157,7 @@ fn input(
         pose_age: 0.0,
         measured: present,
         admitted,
-        target,
+        target: target.into(),
         engaged,
     }
 }

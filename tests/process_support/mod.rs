@@ -222,7 +222,12 @@ impl Operator {
         let angle = 70_f64.to_radians();
         let mut direction = [[0.0; 3]; MAGNETS_MAX];
         direction[..2].fill([angle.sin(), 0.0, angle.cos()]);
-        let request = OperatorRequest { verb: verb::SET_TARGET, magnet_count: 2, direction };
+        let request = OperatorRequest {
+            verb: verb::SET_TARGET,
+            magnet_count: 2,
+            direction,
+            ..OperatorRequest::default()
+        };
         let _ = self.0.send(request, ANSWER_WAIT);
     }
 }

@@ -90,14 +90,12 @@ impl Bench {
 
     /// Arms, steers through a shipped experiment and judges every step by the plant's truth.
     pub fn play_shipped(&mut self, name: &str) -> Vec<StepResponse> {
-        let names: Vec<String> =
-            self.config.description.magnets().map(|magnet| magnet.name.clone()).collect();
-        let magnets: Vec<&str> = names.iter().map(String::as_str).collect();
+        let rig = &self.config.description;
         let path = shipped_path("experiments").join(name);
         let experiment =
-            Experiment::from_document(&Document::load(&path).expect("shipped"), &magnets).expect("shipped");
+            Experiment::from_document(&Document::load(&path).expect("shipped"), rig).expect("shipped");
         let target = |step: &ExperimentStep| TimedTarget {
-            directions: experiment.directions(step, &magnets),
+            target: experiment.target(step, rig),
             duration: step.duration_s,
         };
         let steps: Vec<TimedTarget> = experiment.steps.iter().map(target).collect();
@@ -111,7 +109,7 @@ impl Bench {
             for (direction, angle) in directions.iter_mut().zip(angles) {
                 *direction = [angle.to_radians().sin(), 0.0, angle.to_radians().cos()];
             }
-            TimedTarget { directions, duration: duration_s }
+            TimedTarget { target: directions.into(), duration: duration_s }
         };
         let steps: Vec<TimedTarget> = targets_deg.iter().map(target).collect();
         self.play(&steps)

@@ -49,7 +49,10 @@ fn layouts() -> String {
             measured,
         }
     );
-    layout!(text, OperatorRequest { verb, magnet_count, direction });
+    layout!(
+        text,
+        OperatorRequest { verb, magnet_count, direction, pose_parameter_count, reserved, angle_rad }
+    );
     layout!(text, OperatorAnswer { accepted, cause, state, reserved, epoch });
     layout!(text, FaultRequest { action, target, part, index, verb, kind, lasts_ns, time_ns, value });
     layout!(text, FaultAnswer { accepted, reason, active, cleared });
@@ -104,7 +107,7 @@ mod tests {
             ("Actuation", 40 * 8),
             ("CoilCommand", 48 + 8 + 4 * 4 + 320),
             ("CoilFeedback", 48 + 5 * 8 + 4 * 4 + 320),
-            ("OperatorRequest", 8 + 8 * 24),
+            ("OperatorRequest", 8 + 8 * 24 + 8 + 8 * 8),
             ("OperatorAnswer", 4 * 4 + 8),
             ("FaultRequest", 6 * 4 + 3 * 8),
             ("Quantiles", 4 * 8),

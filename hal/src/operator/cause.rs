@@ -43,8 +43,8 @@ causes! {
     WrongState = 1, "not possible in this state";
     /// A verb that this daemon does not know.
     UnknownVerb = 2, "unknown request";
-    /// Not one finite unit vector a magnet.
-    TargetInvalid = 3, "the target needs one unit direction a magnet of the rig";
+    /// Not one finite unit vector a magnet, or a frame angle out of its range.
+    TargetInvalid = 3, "the target needs one unit direction a magnet of the rig, and frame angles within their ranges if any";
     /// Another request is under way.
     Busy = 4, "another request is under way";
     /// Real-time scheduling is required by the configuration and was not granted.

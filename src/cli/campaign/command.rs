@@ -102,8 +102,8 @@ impl Campaign {
         let (document, config) = Config::load(&self.file)?;
         document.require("campaign", &config.campaign)?;
         let experiment_document = self.experiment(&document)?;
-        let magnets: Vec<&str> = config.description.magnets().map(|magnet| magnet.name.as_str()).collect();
-        let experiment = Experiment::from_document(&experiment_document, &magnets).map_err(Failure::data)?;
+        let experiment =
+            Experiment::from_document(&experiment_document, &config.description).map_err(Failure::data)?;
         let identity = Identity {
             seed: self.seed_of_campaign()?,
             config: document.resolved(),

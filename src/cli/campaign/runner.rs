@@ -51,10 +51,10 @@ impl<'a> Runner<'a> {
         let campaign = document.require("campaign", &config.campaign)?;
         let plants = Plants { document, description: &config.description, campaign };
         plants.check()?;
-        let target = |step| experiment.directions(step, &magnets);
+        let target = |step| experiment.target(step, &config.description);
         let steps = experiment.steps.iter();
         let steps: Vec<TimedTarget> =
-            steps.map(|step| TimedTarget { directions: target(step), duration: step.duration_s }).collect();
+            steps.map(|step| TimedTarget { target: target(step), duration: step.duration_s }).collect();
         let columns = Columns {
             drawn: campaign.draw.iter().map(|draw| draw.key.clone()).collect(),
             steps: steps.len(),

@@ -7,6 +7,7 @@ use magsteer::config::Experiment;
 use magsteer::control::Directions;
 use magsteer::daemon::step_response::{StepResponse, judge};
 use magsteer::daemon::{StopFlag, TimingSummary};
+use magsteer_hal::HardwareDescription;
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
 use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verb};
 use magsteer_hal::{Actuation, Stamp};
@@ -106,19 +107,27 @@ impl Session {
     pub fn play(
         mut self,
         experiment: &Experiment,
-        magnets: &[&str],
+        rig: &HardwareDescription,
         stop: &StopFlag,
     ) -> anyhow::Result<Played> {
         self.begin = Stamp::now();
         let mut steps = Vec::new();
         for (index, step) in experiment.steps.iter().enumerate() {
-            let target = experiment.directions(step, magnets);
-            let magnet_count = u32::try_from(magnets.len())?;
-            let request = OperatorRequest { verb: verb::SET_TARGET, magnet_count, direction: target };
+            let asked = experiment.target(step, rig);
+            let (target, magnets) = (asked.directions, rig.magnets().count());
+            let frames = asked.frame_angles.map_or(0, |_| rig.frames.len());
+            let request = OperatorRequest {
+                verb: verb::SET_TARGET,
+                magnet_count: u32::try_from(magnets)?,
+                direction: target,
+                pose_parameter_count: u32::try_from(frames)?,
+                angle_rad: asked.frame_angles.unwrap_or_default(),
+                ..OperatorRequest::default()
+            };
             self.send(request, "target")?;
             let label = format!("step {}/{}", index + 1, experiment.steps.len());
             let duration = Duration::from_secs_f64(step.duration_s);
-            let Some(response) = self.play_step(&label, &target[..magnets.len()], duration, stop)? else {
+            let Some(response) = self.play_step(&label, &target[..magnets], duration, stop)? else {
                 break;
             };
             let end_s = Stamp::now().since(self.begin).as_secs_f64();

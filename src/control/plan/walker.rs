@@ -345,6 +345,7 @@ impl Walker {
             period: 1.0,
             margin: self.model.margin(),
             margin_gradient: self.model.margin_gradient(),
+            frame_angles: None,
         });
         let increment = &self.allocation.increment()[..self.coils];
         for (current, change) in self.at.actuation.current_a.iter_mut().zip(increment) {

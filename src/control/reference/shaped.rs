@@ -48,12 +48,19 @@ impl Pacing {
 }
 
 /// Where a reference is to go.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ReferenceTarget {
     /// Desired tangents; what is no direction leaves its magnet where it is.
     pub directions: Directions,
     /// Goals of the frame angles, rad; `None` leaves the frames alone. With goals, directions and frames share one time scale.
     pub frame_angles: Option<[f64; POSE_PARAMETERS_MAX]>,
+}
+
+impl From<Directions> for ReferenceTarget {
+    /// Directions alone: frames are left to the loop.
+    fn from(directions: Directions) -> Self {
+        Self { directions, frame_angles: None }
+    }
 }
 
 /// Smoothed directions and frame angles with their velocities.

@@ -65,6 +65,7 @@ impl Bench {
             period,
             margin,
             margin_gradient: gradient,
+            frame_angles: None,
         });
         (DVector::from_row_slice(self.allocation.increment()), allocated.saturated)
     }

@@ -47,7 +47,7 @@ fn input(measured: Directions, target: Directions) -> CycleInput {
         pose_age: 5e-3,
         measured: Actuation::default(),
         admitted: Actuation::default(),
-        target,
+        target: target.into(),
         engaged: true,
     }
 }
@@ -137,7 +137,7 @@ fn hostile(rig: &Rig, random: &mut ChaCha8Rng) -> CycleInput {
         pose_age: [0.0, 5e-3, any_size(1e-6, 1e9, random)][random.random_range(0..3)],
         measured,
         admitted: rig.actuation(&values),
-        target,
+        target: target.into(),
         engaged: random.random_bool(0.9),
     }
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use magsteer_hal::Stamp;
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, state};
+use magsteer_hal::scripted::example_description;
 
 use crate::daemon::config::{Limits, tests::shipped};
 use crate::daemon::state::{Directive, Request, Verb};
@@ -69,7 +70,7 @@ impl Bench {
             commanded_zero: true,
         };
         Self {
-            supervisor: Supervisor::new(limits(), 2, false),
+            supervisor: Supervisor::new(limits(), &example_description(), false),
             now,
             seen,
             next_id: 1,

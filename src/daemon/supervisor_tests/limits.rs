@@ -2,6 +2,7 @@
 
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, state};
+use magsteer_hal::scripted::example_description;
 
 use super::bench::{Bench, limits, ms};
 use crate::daemon::state::{Directive, Verb};
@@ -160,7 +161,7 @@ fn arming_names_what_is_missing() {
 #[test]
 fn arming_is_refused_when_enforced_real_time_is_missing() {
     let mut bench = Bench::new();
-    bench.supervisor = Supervisor::new(limits(), 2, true);
+    bench.supervisor = Supervisor::new(limits(), &example_description(), true);
     bench.cycle(None);
     assert_eq!(bench.ask(Verb::Arm), Err(Cause::RealtimeMissing));
 }
@@ -240,12 +241,12 @@ fn targets_that_are_no_unit_vectors_are_refused() {
     for bad in [[0.0; 3], [f64::NAN, 0.0, 1.0], [1.0, 1.0, 0.0], [f64::INFINITY, 0.0, 0.0]] {
         let mut target = [[0.0; 3]; 8];
         (target[0], target[1]) = (good, bad);
-        assert_eq!(bench.ask(Verb::SetTarget(target)), Err(Cause::TargetInvalid), "{bad:?}");
+        assert_eq!(bench.ask(Verb::SetTarget(target.into())), Err(Cause::TargetInvalid), "{bad:?}");
     }
     let mut target = [[0.0; 3]; 8];
     (target[0], target[1]) = (good, good);
-    let decision = bench.cycle(Some(Verb::SetTarget(target)));
-    assert_eq!(decision.target, Some(target));
+    let decision = bench.cycle(Some(Verb::SetTarget(target.into())));
+    assert_eq!(decision.target, Some(target.into()));
 }
 
 #[test]

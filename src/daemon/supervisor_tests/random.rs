@@ -66,7 +66,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
         Verb::Stop,
         Verb::Reset,
         Verb::Reset,
-        Verb::SetTarget([[1.0, 0.0, 0.0]; 8]),
+        Verb::SetTarget([[1.0, 0.0, 0.0]; 8].into()),
         Verb::EmergencyStop,
     ];
     let last = if toss(random, 0.1) { verbs.len() } else { verbs.len() - 1 };

@@ -75,7 +75,7 @@ fn every_event_in_every_state_leads_where_the_table_says() {
         (Ask(Verb::Terminate), "biiiisf", None),
         (Ask(Verb::Reset), "biachsi", None),
         (Ask(Verb::EmergencyStop), "fffffff", Some(Cause::EmergencyStop)),
-        (Ask(Verb::SetTarget(target)), "biachsf", None),
+        (Ask(Verb::SetTarget(target.into())), "biachsf", None),
         (PosesStop, "biaffsf", Some(Cause::PoseStale)),
         (ModelFails, "biaffsf", Some(Cause::ModelNotConverged)),
         (FieldInvalid, "biaffsf", Some(Cause::FieldModelInvalid)),
