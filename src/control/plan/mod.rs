@@ -23,6 +23,7 @@ mod config;
 mod expected_power;
 mod planner;
 mod route;
+mod search;
 mod targets;
 mod walker;
 
