@@ -15,6 +15,7 @@ use crate::control::config::{ControlConfig, FrameUse};
 use crate::control::cycle::{Directions, exact_rows};
 use crate::control::error::{OrientationError, OrientationErrorKind};
 use crate::control::model::Model;
+use crate::control::reference::ReferenceTarget;
 use crate::math::{along_great_circle, angle_between, logarithm};
 use crate::rod::Manipulator;
 
@@ -44,6 +45,14 @@ pub struct Waypoint {
     pub directions: Directions,
     /// Frame angles, rad.
     pub frame_angles: [f64; POSE_PARAMETERS_MAX],
+}
+
+impl Waypoint {
+    /// The same as a target of the loop.
+    #[must_use]
+    pub fn target(&self) -> ReferenceTarget {
+        ReferenceTarget { directions: self.directions, frame_angles: Some(self.frame_angles) }
+    }
 }
 
 /// What a walk must not exceed.
