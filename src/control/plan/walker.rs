@@ -91,6 +91,15 @@ impl Obstacle {
     }
 }
 
+/// Why a walk ended before its goal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Stop {
+    /// By an obstacle, after a share of the way.
+    Obstacle(Obstacle, f64),
+    /// Because nobody cared for it any more.
+    Dropped,
+}
+
 /// How a walk went: extremes over its stations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Walked {
@@ -246,6 +255,20 @@ impl Walker {
     /// # Errors
     /// What ended it, and after what share of the way.
     pub fn walk(&mut self, goal: &Waypoint, bounds: &Bounds) -> Result<Walked, (Obstacle, f64)> {
+        self.walk_while(goal, bounds, |_| true).map_err(|stop| match stop {
+            Stop::Obstacle(obstacle, share) => (obstacle, share),
+            // Nothing drops a walk that is always wanted.
+            Stop::Dropped => (Obstacle::OutOfReach, 0.0),
+        })
+    }
+
+    /// As [`Self::walk`], as long as what was walked so far is wanted.
+    pub(super) fn walk_while(
+        &mut self,
+        goal: &Waypoint,
+        bounds: &Bounds,
+        wanted: impl Fn(&Walked) -> bool,
+    ) -> Result<Walked, Stop> {
         let from = Waypoint { directions: self.directions(), frame_angles: self.at.actuation.angle_rad };
         let stations = self.stations(&from, goal);
         let mut walked = Walked::NOWHERE;
@@ -255,7 +278,8 @@ impl Walker {
             self.at.actuation.angle_rad = there.frame_angles;
             let last = station == stations;
             let tolerance = if last { bounds.tolerance } else { ERROR_ON_THE_WAY };
-            self.reach(&there.directions, tolerance, last).map_err(|obstacle| (obstacle, share))?;
+            self.reach(&there.directions, tolerance, last)
+                .map_err(|obstacle| Stop::Obstacle(obstacle, share))?;
             let here = self.posture();
             walked = walked.then(&Walked {
                 current_max: greatest(&here.present.actuation.current_a),
@@ -263,7 +287,10 @@ impl Walker {
                 expected_max: here.expected,
             });
             if here.margin < bounds.margin_min || here.margin.is_nan() {
-                return Err((Obstacle::NearSnapThrough, share));
+                return Err(Stop::Obstacle(Obstacle::NearSnapThrough, share));
+            }
+            if !wanted(&walked) {
+                return Err(Stop::Dropped);
             }
         }
         Ok(walked)
