@@ -138,11 +138,11 @@ fn model_error_deg(plant: &str, controller: &str) -> [f64; 2] {
     let (control, daemon) = (config.control.unwrap(), config.daemon.unwrap());
     let cycle = Cycle::new(&control, rig, config.manipulator.unwrap());
     let path = Path::new(ROOT).join("config/experiments/planar.toml");
-    let experiment = Experiment::from_document(&Document::load(&path).unwrap(), &["m1", "m2"]).unwrap();
-    let target = |step| experiment.directions(step, &["m1", "m2"]);
+    let experiment = Experiment::from_document(&Document::load(&path).unwrap(), rig).unwrap();
+    let target = |step| experiment.target(step, rig);
     let steps = experiment.steps.iter();
     let steps: Vec<TimedTarget> =
-        steps.map(|step| TimedTarget { directions: target(step), duration: step.duration_s }).collect();
+        steps.map(|step| TimedTarget { target: target(step), duration: step.duration_s }).collect();
     let (mut all, mut at_end) = (Vec::new(), vec![[0.0; 2]; steps.len()]);
     let mut lockstep = Lockstep::new(hardware, cycle, rig, &daemon);
     let played = lockstep.play(

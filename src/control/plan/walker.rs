@@ -184,7 +184,7 @@ impl Walker {
         let hurried = ControlConfig {
             frame_angles: FrameUse::Hold,
             current_release_per_s: RELEASE_SHARE,
-            stability_rate_per_s: MARGIN_SHARE,
+            determinant_rate_per_s: MARGIN_SHARE,
             ..control.clone()
         };
         let mut stepped = description.clone();
@@ -214,7 +214,7 @@ impl Walker {
         Posture {
             present: self.at,
             directions,
-            margin: self.model.margin(),
+            margin: self.model.stability().margin,
             expected,
             condition: self.expected.condition(),
         }
@@ -374,7 +374,7 @@ impl Walker {
             }
             change = self.approach(directions);
             self.settle()?;
-            if self.model.margin() <= 0.0 {
+            if self.model.stability().unstable_modes > 0 {
                 return Err(Obstacle::BranchEnds);
             }
         }
@@ -390,8 +390,8 @@ impl Walker {
             step: &self.step,
             admitted: &self.at.actuation,
             period: 1.0,
-            margin: self.model.margin(),
-            margin_gradient: self.model.margin_gradient(),
+            determinant: self.model.determinant(),
+            determinant_gradient: self.model.determinant_gradient(),
             frame_angles: None,
         });
         let increment = &self.allocation.increment()[..self.coils];
