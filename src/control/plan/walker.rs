@@ -79,6 +79,17 @@ pub enum Obstacle {
 }
 
 impl Obstacle {
+    /// As a word of data.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::OutOfReach => "out-of-reach",
+            Self::NearSnapThrough => "near-snap-through",
+            Self::BranchEnds => "branch-ends",
+            Self::OutsideField => "outside-field",
+        }
+    }
+
     /// In words.
     #[must_use]
     pub const fn text(self) -> &'static str {
