@@ -41,8 +41,8 @@ fn number(name: &str, default: f64) -> f64 {
 fn survey() {
     let mut setup = Setup::shipped("bigmag-3d.toml");
     let control = setup.config.control.as_mut().unwrap();
-    control.stability_margin = number("MARGIN", control.stability_margin);
-    control.stability_rate_per_s = number("MRATE", control.stability_rate_per_s);
+    control.determinant_wanted = number("MARGIN", control.determinant_wanted);
+    control.determinant_rate_per_s = number("MRATE", control.determinant_rate_per_s);
     control.current_release_per_s = number("RELEASE", control.current_release_per_s);
     control.reference_speed_max_deg_per_s = number("SPEED", control.reference_speed_max_deg_per_s);
     control.damping = number("DAMPING", control.damping);

@@ -8,6 +8,7 @@ mod actuation;
 mod campaign;
 mod check;
 mod command;
+mod counting;
 mod data_file;
 #[cfg(feature = "sim")]
 mod demo;
@@ -20,7 +21,9 @@ mod figures;
 mod operator;
 mod output;
 mod overlay;
+mod plan;
 mod play;
+mod reach;
 mod rig_file;
 mod run;
 #[cfg(feature = "sim")]

@@ -55,10 +55,10 @@ pub struct Wish<'a> {
     pub admitted: &'a Actuation,
     /// Time since the previous cycle, s.
     pub period: f64,
-    /// Margin of stability.
-    pub margin: f64,
+    /// Determinant of the residual's Jacobian.
+    pub determinant: f64,
     /// Its change with each parameter, 1/A and 1/rad.
-    pub margin_gradient: &'a [f64],
+    pub determinant_gradient: &'a [f64],
     /// Expected power (p1), A^2, and the change of its logarithm with each parameter, 1/A and 1/rad; none where it is not followed.
     pub expected_power: Option<(f64, &'a [f64])>,
     /// Where the frames shall be at the end of the cycle, rad: they go there as far as their speed lets them, and the currents undo

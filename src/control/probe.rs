@@ -1,13 +1,13 @@
-//! How stability and authority change with the actuation, by one extra pass a cycle for one parameter after another.
+//! How stiffness and authority change with the actuation, by one extra pass a cycle for one parameter after another.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | `m` | margin of stability | |
+//! | `D` | determinant of the residual's Jacobian | |
 //! | `V` | expected power (p1) of the present posture | A^2 |
 //! | `u_p` | actuation parameter `p`: a current or a frame angle | A or rad |
 //!
 //! An equilibrium beside the present one, `u_p` moved by a small step, lies along the present pass's own tangent, so that one pass
-//! there yields both `dm/du_p` and, when it carries columns of parameters, `d ln V/du_p`. With as many cycles as parameters every entry is
+//! there yields both `dD/du_p` and, when it carries columns of parameters, `d ln V/du_p`. With as many cycles as parameters every entry is
 //! new; meanwhile the actuation moves by some slew at most, and the entries err by as much of their curvature.
 
 use magsteer_hal::Actuation;
@@ -15,16 +15,17 @@ use nalgebra::Vector3;
 
 use super::plan::ExpectedPower;
 use crate::magnetics::{ActuatedArray, AppliedField, CoilArray, FieldSample, PosedArray};
-use crate::rod::{Manipulator, Pass, PassMode, Stability, TipLoad};
+use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
 
 /// Share of a parameter's range by which it is moved: far above rounding, far below curvature.
 const PROBE_SHARE: f64 = 1e-3;
 
-/// Margin of stability, expected power, and how they change with the actuation.
+/// Determinant, expected power, and how they change with the actuation.
 #[derive(Debug, Clone)]
 pub(super) struct Probe {
-    stability: Stability,
-    margin_gradient: Vec<f64>,
+    determinant: f64,
+    /// Of the determinant, 1/A and 1/rad.
+    stiffening: Vec<f64>,
     authority: Option<Authority>,
     /// Parameter probed next.
     cursor: usize,
@@ -61,15 +62,10 @@ impl AppliedField for Unsteered<'_> {
 
 impl Probe {
     /// A probe that begins at the equilibrium in `pass`; `ranges` of the parameters in A and rad.
-    pub(super) fn new(
-        manipulator: &Manipulator,
-        posed: &PosedArray,
-        pass: &mut Pass,
-        ranges: &[f64],
-    ) -> Self {
+    pub(super) fn new(posed: &PosedArray, pass: &Pass, ranges: &[f64]) -> Self {
         Self {
-            stability: manipulator.stability(pass),
-            margin_gradient: vec![0.0; ranges.len()],
+            determinant: pass.determinant(),
+            stiffening: vec![0.0; ranges.len()],
             authority: None,
             cursor: 0,
             steps: ranges.iter().map(|range| range * PROBE_SHARE).collect(),
@@ -93,14 +89,14 @@ impl Probe {
         self.cursor = 0;
     }
 
-    /// Stability of the last equilibrium.
-    pub(super) fn stability(&self) -> Stability {
-        self.stability
+    /// Determinant of the residual's Jacobian at the last equilibrium.
+    pub(super) fn determinant(&self) -> f64 {
+        self.determinant
     }
 
-    /// Of the margin, 1/A and 1/rad.
-    pub(super) fn margin_gradient(&self) -> &[f64] {
-        &self.margin_gradient
+    /// Its gradient, 1/A and 1/rad.
+    pub(super) fn determinant_gradient(&self) -> &[f64] {
+        &self.stiffening
     }
 
     /// `V`, A^2, and the gradient of `ln V`, 1/A and 1/rad; none where it is not followed.
@@ -108,16 +104,16 @@ impl Probe {
         self.authority.as_ref().map(|authority| (authority.power, &authority.gradient[..]))
     }
 
-    /// Renews margin and expected power at the equilibrium in `pass`, and one entry of each gradient.
+    /// Renews determinant and expected power at the equilibrium in `pass`, and one entry of each gradient.
     pub(super) fn look(
         &mut self,
         manipulator: &Manipulator,
         array: &CoilArray,
         actuation: &Actuation,
-        pass: &mut Pass,
+        pass: &Pass,
     ) {
         let (coils, frames) = (array.coil_count(), array.frame_count());
-        self.stability = manipulator.stability(pass);
+        self.determinant = pass.determinant();
         if let Some(authority) = &mut self.authority {
             authority.power = authority.evaluate(pass, &actuation.current_a);
         }
@@ -148,9 +144,9 @@ impl Probe {
         } else {
             manipulator.pass(&Unsteered(field), &TipLoad::NONE, &unknowns, mode, there);
         }
-        let change = (manipulator.margin_beside(pass, there) - self.stability.margin) / step;
+        let change = (there.determinant() - self.determinant) / step;
         if change.is_finite() {
-            self.margin_gradient[parameter] = change;
+            self.stiffening[parameter] = change;
         }
     }
 }

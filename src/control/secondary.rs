@@ -14,7 +14,7 @@
 //! | `K` | `-A^+ B`: currents that undo what frames turn | |
 //! | `N` | `1 - A^+ A`: currents that turn nothing | |
 //! | `V` | expected power (p1) | A^2 |
-//! | `m` | margin of stability | |
+//! | `D` | determinant of the residual's Jacobian, which stiffness raises | |
 //!
 //! # Method
 //! Everything that moves nothing is `x = N a + K y` with `a` and `y` free: `A x + B y = 0` (s1). Of a quantity `f` with gradients `f_x`, `f_y`
@@ -23,7 +23,7 @@
 //! - authority: frames turn against the gradient `r` of `ln V` by (s2), at `speed r / sqrt(1 + |r|^2)`: the logarithm and the root keep the law
 //!   tame where authority vanishes and `V` is steep;
 //! - centring: frames return home at their rate, which also leads them out of settings whose symmetry leaves no gradient;
-//! - margin: both ascend `m` where it is too small, so that what is lost comes back at its rate.
+//! - stiffness: both ascend `D` where it is too small, so that what is lost comes back at its rate.
 //!
 //! Frames are motors. The speed asked of them is one vector: shortened as a whole where the currents would have to follow it at more than half of
 //! their slew, or a frame to exceed its speed; it changes by one common share of what is wanted, the largest that keeps every acceleration. So (s1)
@@ -120,8 +120,8 @@ pub(super) struct SecondaryTasks {
     coils: usize,
     rows: usize,
     release: f64,
-    margin_wanted: f64,
-    margin_rate: f64,
+    determinant_wanted: f64,
+    determinant_rate: f64,
     ratio_max: f64,
     /// None while the frames are held.
     frames: Option<FrameTasks>,
@@ -158,8 +158,8 @@ impl SecondaryTasks {
             coils,
             rows,
             release: config.current_release_per_s,
-            margin_wanted: config.stability_margin,
-            margin_rate: config.stability_rate_per_s,
+            determinant_wanted: config.determinant_wanted,
+            determinant_rate: config.determinant_rate_per_s,
             ratio_max: config.singular_ratio_max,
             frames: tasks,
             speed: vec![0.0; frames],
@@ -208,7 +208,7 @@ impl SecondaryTasks {
         self.decompose(scaled, limits);
         self.release_currents(wish, limits);
         self.preferred[self.coils..].fill(0.0);
-        self.regain_margin(wish, limits);
+        self.stiffen(wish, limits);
         let coils = self.coils;
         if wish.frame_angles.is_none() {
             self.turn_frames(wish, limits);
@@ -260,20 +260,20 @@ impl SecondaryTasks {
         self.authority.project_to_null_space(self.ratio_max, currents);
     }
 
-    /// Adds `a` and `y` by which a lost margin is regained at its rate.
-    fn regain_margin(&mut self, wish: &Wish<'_>, limits: &[Limits]) {
-        let lost = self.margin_wanted - wish.margin;
+    /// Adds `a` and `y` by which a lost determinant is regained at its rate.
+    fn stiffen(&mut self, wish: &Wish<'_>, limits: &[Limits]) {
+        let lost = self.determinant_wanted - wish.determinant;
         if lost <= 0.0 {
             return;
         }
-        self.ascend(wish.margin_gradient, limits);
+        self.ascend(wish.determinant_gradient, limits);
         if wish.frame_angles.is_some() {
             // Frames that are told where to go are no task's.
             self.away[self.coils..].fill(0.0);
         }
         let slope: f64 = self.away.iter().map(|entry| entry * entry).sum();
-        // A flat margin would be chased without end: a slope below 1 over the whole range is taken as 1.
-        let length = lost.min(self.margin_wanted) * self.margin_rate * wish.period / slope.max(1.0);
+        // A flat determinant would be chased without end: a slope below 1 over the whole range is taken as 1.
+        let length = lost.min(self.determinant_wanted) * self.determinant_rate * wish.period / slope.max(1.0);
         for (preferred, away) in self.preferred.iter_mut().zip(&self.away) {
             *preferred += away * length;
         }
@@ -286,7 +286,8 @@ impl SecondaryTasks {
         }
         let (currents, frames) = self.away.split_at_mut(self.coils);
         for (turn, follow) in frames.iter_mut().zip(self.follow.chunks_exact(self.coils.max(1))) {
-            *turn += follow.iter().zip(currents.iter()).map(|(follow, current)| follow * current).sum::<f64>();
+            *turn +=
+                follow.iter().zip(currents.iter()).map(|(follow, current)| follow * current).sum::<f64>();
         }
         self.authority.project_to_null_space(self.ratio_max, currents);
     }

@@ -79,6 +79,17 @@ pub enum Obstacle {
 }
 
 impl Obstacle {
+    /// As a word of data.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::OutOfReach => "out-of-reach",
+            Self::NearSnapThrough => "near-snap-through",
+            Self::BranchEnds => "branch-ends",
+            Self::OutsideField => "outside-field",
+        }
+    }
+
     /// In words.
     #[must_use]
     pub const fn text(self) -> &'static str {
@@ -89,6 +100,15 @@ impl Obstacle {
             Self::OutsideField => "a magnet leaves the range of the field model",
         }
     }
+}
+
+/// Why a walk ended before its goal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Stop {
+    /// By an obstacle, after a share of the way.
+    Obstacle(Obstacle, f64),
+    /// Because nobody cared for it any more.
+    Dropped,
 }
 
 /// How a walk went: extremes over its stations.
@@ -164,7 +184,7 @@ impl Walker {
         let hurried = ControlConfig {
             frame_angles: FrameUse::Hold,
             current_release_per_s: RELEASE_SHARE,
-            stability_rate_per_s: MARGIN_SHARE,
+            determinant_rate_per_s: MARGIN_SHARE,
             ..control.clone()
         };
         let mut stepped = description.clone();
@@ -194,7 +214,7 @@ impl Walker {
         Posture {
             present: self.at,
             directions,
-            margin: self.model.margin(),
+            margin: self.model.stability().margin,
             expected,
             condition: self.expected.condition(),
         }
@@ -246,6 +266,20 @@ impl Walker {
     /// # Errors
     /// What ended it, and after what share of the way.
     pub fn walk(&mut self, goal: &Waypoint, bounds: &Bounds) -> Result<Walked, (Obstacle, f64)> {
+        self.walk_while(goal, bounds, |_| true).map_err(|stop| match stop {
+            Stop::Obstacle(obstacle, share) => (obstacle, share),
+            // Nothing drops a walk that is always wanted.
+            Stop::Dropped => (Obstacle::OutOfReach, 0.0),
+        })
+    }
+
+    /// As [`Self::walk`], as long as what was walked so far is wanted.
+    pub(super) fn walk_while(
+        &mut self,
+        goal: &Waypoint,
+        bounds: &Bounds,
+        wanted: impl Fn(&Walked) -> bool,
+    ) -> Result<Walked, Stop> {
         let from = Waypoint { directions: self.directions(), frame_angles: self.at.actuation.angle_rad };
         let stations = self.stations(&from, goal);
         let mut walked = Walked::NOWHERE;
@@ -255,7 +289,8 @@ impl Walker {
             self.at.actuation.angle_rad = there.frame_angles;
             let last = station == stations;
             let tolerance = if last { bounds.tolerance } else { ERROR_ON_THE_WAY };
-            self.reach(&there.directions, tolerance, last).map_err(|obstacle| (obstacle, share))?;
+            self.reach(&there.directions, tolerance, last)
+                .map_err(|obstacle| Stop::Obstacle(obstacle, share))?;
             let here = self.posture();
             walked = walked.then(&Walked {
                 current_max: greatest(&here.present.actuation.current_a),
@@ -263,7 +298,10 @@ impl Walker {
                 expected_max: here.expected,
             });
             if here.margin < bounds.margin_min || here.margin.is_nan() {
-                return Err((Obstacle::NearSnapThrough, share));
+                return Err(Stop::Obstacle(Obstacle::NearSnapThrough, share));
+            }
+            if !wanted(&walked) {
+                return Err(Stop::Dropped);
             }
         }
         Ok(walked)
@@ -336,7 +374,7 @@ impl Walker {
             }
             change = self.approach(directions);
             self.settle()?;
-            if self.model.margin() <= 0.0 {
+            if self.model.stability().unstable_modes > 0 {
                 return Err(Obstacle::BranchEnds);
             }
         }
@@ -352,8 +390,8 @@ impl Walker {
             step: &self.step,
             admitted: &self.at.actuation,
             period: 1.0,
-            margin: self.model.margin(),
-            margin_gradient: self.model.margin_gradient(),
+            determinant: self.model.determinant(),
+            determinant_gradient: self.model.determinant_gradient(),
             expected_power: None,
             frame_angles: None,
         });

@@ -1,4 +1,5 @@
-//! A piece of a flexible section in the second variation: unknown strains at Gauss points, eliminated in favour of its start.
+//! A piece of a flexible section in the second variation: unknown strains at Gauss points, eliminated in
+//! favour of its start.
 
 use crate::math::Triple;
 use crate::rod::section::Section;
@@ -59,7 +60,8 @@ pub(super) fn places(index: usize, count: usize, segments: usize) -> [Place; POI
 
 /// A span with `N` strains; `D` counts the displacement of its start as well.
 ///
-/// Strains are rotation vectors `x = h kappa` and displacements `h w` a point, then follow dp and phi of the start.
+/// Strains are rotation vectors `x = h kappa` and displacements `h w` a point, then follow dp and phi of the
+/// start.
 #[derive(Debug, Clone)]
 pub(super) struct Span<const N: usize, const D: usize> {
     length: f64,
@@ -85,7 +87,7 @@ pub(super) struct Span<const N: usize, const D: usize> {
 
 impl<const N: usize, const D: usize> Span<N, D> {
     pub(super) fn new(section: &Section, count: usize) -> Self {
-        let [shear, axial] = section.extensional_stiffness();
+        let [shear, axial] = if N == EXTENSIBLE { section.extensional_stiffness() } else { [0.0; 2] };
         Self {
             length: section.length / count as f64,
             bending: section.bending_stiffness,
@@ -103,7 +105,7 @@ impl<const N: usize, const D: usize> Span<N, D> {
         }
     }
 
-    /// Takes over the state at the Gauss points.
+    /// Takes over the state at the Gauss points: `B` by (z1), the loads' form by (z3).
     pub(super) fn update(&mut self, samples: &[Sample]) {
         let h = self.length;
         let sways: [Square; POINTS] = core::array::from_fn(|g| sway(samples[g].force, samples[g].velocity));
@@ -139,8 +141,8 @@ impl<const N: usize, const D: usize> Span<N, D> {
             if N == EXTENSIBLE {
                 let pulling = skew(samples[p].force);
                 self.add(BENDING + 3 * p, phi, -WEIGHTS[p], &pulling);
-                for q in 0..POINTS {
-                    self.add(3 * q, BENDING + 3 * p, WEIGHTS[p] * PARTIAL[p][q], &pulling);
+                for (q, partial) in PARTIAL[p].iter().enumerate() {
+                    self.add(3 * q, BENDING + 3 * p, WEIGHTS[p] * partial, &pulling);
                 }
             }
         }
@@ -155,12 +157,12 @@ impl<const N: usize, const D: usize> Span<N, D> {
         }
     }
 
-    /// Strain energy's matrix times strains, `E x`.
+    /// Strain energy's matrix times strains, `E x` (z2).
     #[inline(always)]
     pub(super) fn energy(&self, x: &[f64; N]) -> [f64; N] {
         let mut image = [0.0; N];
-        for p in 0..POINTS {
-            let weight = WEIGHTS[p] / self.length;
+        for (p, weight) in WEIGHTS.into_iter().enumerate() {
+            let weight = weight / self.length;
             self.energy_at(p, 3 * p, weight * self.bending, weight * self.torsion_excess, x, &mut image);
             if N == EXTENSIBLE {
                 let first = BENDING + 3 * p;
@@ -212,11 +214,12 @@ impl<const N: usize, const D: usize> Span<N, D> {
         end
     }
 
-    /// Eliminates the strains: stiffness at the start from that at the end, and how many pivots are not positive.
+    /// Eliminates the strains: stiffness at the start from that at the end, and how many pivots are not
+    /// positive.
     pub(super) fn condense(&mut self, shift: f64, beyond: &Stiffness) -> (Stiffness, u32) {
         let mut matrix = self.form;
-        for p in 0..POINTS {
-            let weight = (1.0 - shift) * WEIGHTS[p] / self.length;
+        for (p, weight) in WEIGHTS.into_iter().enumerate() {
+            let weight = (1.0 - shift) * weight / self.length;
             self.add_energy(&mut matrix, p, 3 * p, weight * self.bending, weight * self.torsion_excess);
             if N == EXTENSIBLE {
                 let first = BENDING + 3 * p;
@@ -227,8 +230,7 @@ impl<const N: usize, const D: usize> Span<N, D> {
         let mut negative = 0;
         for j in 0..N {
             let pivot = matrix[j][j];
-            // A pivot that is no number is none that is positive.
-            negative += u32::from(!(pivot > 0.0));
+            negative += u32::from(pivot <= 0.0 || pivot.is_nan());
             let inverse = 1.0 / pivot;
             let row = matrix[j];
             for i in j + 1..D {
@@ -257,8 +259,8 @@ impl<const N: usize, const D: usize> Span<N, D> {
                 matrix[first + 2][k] += lever.x * fy[k] - lever.y * fx[k] + weight * mz[k];
             }
         };
-        for p in 0..POINTS {
-            turn(3 * p, self.levers[p], WEIGHTS[p]);
+        for (p, weight) in WEIGHTS.into_iter().enumerate() {
+            turn(3 * p, self.levers[p], weight);
         }
         turn(N + 3, self.arm, 1.0);
         let mut shift = |first: usize, weight: f64| {
@@ -269,8 +271,8 @@ impl<const N: usize, const D: usize> Span<N, D> {
             }
         };
         if N == EXTENSIBLE {
-            for p in 0..POINTS {
-                shift(BENDING + 3 * p, WEIGHTS[p]);
+            for (p, weight) in WEIGHTS.into_iter().enumerate() {
+                shift(BENDING + 3 * p, weight);
             }
         }
         shift(N, 1.0);
@@ -317,16 +319,18 @@ impl<const N: usize, const D: usize> Span<N, D> {
         self.push(&self.image, start)
     }
 
-    /// The loads' part of the second variation for the mode and a displaced start.
-    pub(super) fn load_form(&self, start: Pose) -> f64 {
-        let mut all = [0.0; D];
-        all[..N].copy_from_slice(&self.mode);
-        all[N..].copy_from_slice(&start.array());
-        let mut sum = 0.0;
-        for (i, row) in self.form.iter().enumerate() {
-            let beside: f64 = (i + 1..D).map(|j| row[j] * all[j]).sum();
-            sum += all[i] * (row[i] * all[i] + 2.0 * beside);
+    /// Product of the pivots of `A - shift E`, over that of E.
+    #[cfg(test)]
+    pub(super) fn pivot_product(&self) -> f64 {
+        let mut product: f64 = self.inverse_pivots.iter().map(|inverse| 1.0 / inverse).product();
+        for weight in WEIGHTS.map(|weight| weight / self.length) {
+            let torsion = self.bending + self.torsion_excess;
+            product /= weight * self.bending * weight * self.bending * weight * torsion;
+            if N == EXTENSIBLE {
+                let axial = self.shear + self.axial_excess;
+                product /= weight * self.shear * weight * self.shear * weight * axial;
+            }
         }
-        sum
+        product
     }
 }
