@@ -36,9 +36,15 @@ pub fn draw(
         map.by_angle(),
         map.by_bend(),
         map.shares(),
-        map.cumulative("largest current on the way (A)", Sense::AtMost, |plan| plan.walked.current_max),
-        map.cumulative("least margin of stability on the way", Sense::AtLeast, |plan| plan.walked.margin_min),
-        map.cumulative("condition at the target", Sense::AtMost, |plan| plan.posture.condition),
+        map.cumulative(["currents", "largest current on the way (A)"], Sense::AtMost, |plan| {
+            plan.walked.current_max
+        }),
+        map.cumulative(["stability", "least margin of stability on the way"], Sense::AtLeast, |plan| {
+            plan.walked.margin_min
+        }),
+        map.cumulative(["conditioning", "condition number at the target"], Sense::AtMost, |plan| {
+            plan.posture.condition
+        }),
     ];
     let (plots, layouts): (Vec<_>, Vec<_>) = panels.into_iter().unzip();
     let figure = Figure::new(2, 3)
@@ -104,7 +110,8 @@ impl Map<'_> {
             let plots =
                 self.dots(|sample| (sample.from_rest[0].to_degrees(), sample.from_rest[1].to_degrees()));
             let label = |magnet: &str| format!("target of {magnet} from its rest (deg)");
-            return (plots, layout(0.0).with_x_label(label(first)).with_y_label(label(second)));
+            let layout = layout(0.0).with_title("targets by angle from rest").with_title_size(14);
+            return (plots, layout.with_x_label(label(first)).with_y_label(label(second)));
         }
         let plots = self.dots(|sample| {
             let [x, y, z] = sample.target[0];
@@ -112,7 +119,8 @@ impl Map<'_> {
             let angle = sample.from_rest[0].to_degrees();
             (angle * turn.cos(), angle * turn.sin())
         });
-        let layout = layout(-most).with_x_label("tilt from rest (deg)").with_y_label("tilt across (deg)");
+        let layout = layout(-most).with_title("targets about rest").with_title_size(14);
+        let layout = layout.with_x_label("tilt from rest (deg)").with_y_label("tilt across (deg)");
         (plots, layout)
     }
 
@@ -126,7 +134,9 @@ impl Map<'_> {
             .with_y_axis_min(0.0)
             .with_y_axis_max(top)
             .with_x_label("farthest magnet from its rest (deg)")
-            .with_y_label("angle between the magnets (deg)");
+            .with_y_label("angle between the magnets (deg)")
+            .with_title("targets by bend")
+            .with_title_size(14);
         (plots, layout)
     }
 
@@ -152,12 +162,14 @@ impl Map<'_> {
             .with_y_axis_min(0.0)
             .with_y_axis_max(103.0)
             .with_x_label("farthest magnet from its rest (deg)")
-            .with_y_label("share reached, 95 % interval (%)");
+            .with_y_label("reached, with 95 % interval (%)")
+            .with_title("share reached")
+            .with_title_size(14);
         (plots, layout)
     }
 
     /// One curve a ring: the share of its targets, by solid angle, that are reached with at most, or at least, a value.
-    fn cumulative(&self, label: &str, sense: Sense, of: impl Fn(&Plan) -> f64) -> Panel {
+    fn cumulative(&self, [title, label]: [&str; 2], sense: Sense, of: impl Fn(&Plan) -> f64) -> Panel {
         let values = || self.plans.iter().filter_map(|plan| plan.as_ref().ok()).map(&of);
         let top = values().filter(|value| value.is_finite()).fold(0.0, f64::max).max(1e-6);
         let end = 1.04 * top;
@@ -183,8 +195,8 @@ impl Map<'_> {
             }
         }
         let y_label = match sense {
-            Sense::AtMost => "reached with at most so much (%)",
-            Sense::AtLeast => "reached with at least so much (%)",
+            Sense::AtMost => "reached with at most that (%)",
+            Sense::AtLeast => "reached with at least that (%)",
         };
         let layout = Layout::new((0.0, end), (0.0, 103.0))
             .with_x_axis_min(0.0)
@@ -192,7 +204,9 @@ impl Map<'_> {
             .with_y_axis_min(0.0)
             .with_y_axis_max(103.0)
             .with_x_label(label)
-            .with_y_label(y_label);
+            .with_y_label(y_label)
+            .with_title(title)
+            .with_title_size(14);
         (plots, layout)
     }
 
