@@ -215,6 +215,17 @@ impl Model {
         self.margin.cursor = 0;
     }
 
+    /// Goes to where another model of the same rig is: equilibrium, derivatives, margin and its gradient. Allocates no memory.
+    pub fn take_up(&mut self, other: &Self) {
+        let (anchor, from) = (&mut self.anchor, &other.anchor);
+        (anchor.actuation, anchor.unknowns, anchor.reach) = (from.actuation, from.unknowns, from.reach);
+        anchor.derivatives.copy_from_slice(&from.derivatives);
+        self.good = other.good.clone();
+        self.margin.stability = other.margin.stability;
+        self.margin.gradient.copy_from_slice(&other.margin.gradient);
+        self.margin.cursor = other.margin.cursor;
+    }
+
     /// True once a Jacobian was computed.
     #[must_use]
     pub fn has_jacobian(&self) -> bool {

@@ -28,4 +28,4 @@ mod walker;
 pub use config::{PlanConfig, SETTINGS_MAX};
 pub use expected_power::ExpectedPower;
 pub use planner::{Plan, Planner, Standing, Unreached};
-pub use walker::{Bounds, Obstacle, Posture, Walked, Walker, Waypoint};
+pub use walker::{Advance, Bounds, Obstacle, Posture, Walk, Walked, Walker, Waypoint};
