@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use nalgebra::{Matrix3, Vector3};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 fn magsteer(arguments: &[&str]) -> Output {
     let root = env!("CARGO_MANIFEST_DIR");
@@ -304,20 +304,17 @@ fn shape_answers_no_with_a_reason_when_the_search_ends_before_the_equilibrium() 
     assert!(complaint(&output).contains("no equilibrium was found: the bound on iterations"), "{output:?}");
 }
 
-/// Goal: the margin changes sign at Euler's load, pi^2/4 here, though the straight column remains an equilibrium.
+/// Goal: the margin is the share of Euler's load, pi^2/4 here, that is left, though the straight column remains an equilibrium beyond
+/// it; there it is unstable in both planes, and in as many ways more as odd multiples of pi/2 are passed.
 #[test]
 fn the_stability_margin_vanishes_at_eulers_load() {
-    let margin = |force: &str| {
+    for (force, modes) in [("0", 0), ("-2.46", 0), ("-2.48", 2), ("-3", 2), ("-50", 4)] {
         let load = format!("0,0,{force}");
         let found = ask(&["shape", "config/reference-cantilever.toml", "--tip-force-n", &load, "--json"]);
-        assert_eq!(found["converged"], true, "{found}");
-        found["stability_margin"].as_f64().unwrap()
-    };
-    assert!((margin("0") - 1.0).abs() < 1e-12);
-    let near = margin("-2.46");
-    assert!(near > 0.0 && near < 0.01, "{near}");
-    for beyond in ["-2.48", "-3", "-50"] {
-        assert!(margin(beyond) < 0.0, "{beyond}");
+        assert_eq!((&found["converged"], &found["unstable_modes"]), (&json!(true), &json!(modes)), "{found}");
+        let expected = 1.0 + force.parse::<f64>().unwrap() * 4.0 / std::f64::consts::PI.powi(2);
+        let margin = found["stability_margin"].as_f64().unwrap();
+        assert!((margin - expected).abs() < 1e-8, "{margin} {expected}");
     }
     let told = magsteer(&["shape", "config/reference-cantilever.toml", "--tip-force-n", "0,0,-3"]);
     assert!(complaint(&told).contains("not stable"), "{told:?}");

@@ -13,6 +13,7 @@ use super::fault::Fault;
 use super::field::Field;
 use super::operator::RequestArgs;
 use super::output;
+use super::plan::Plan;
 use super::run::Run;
 use super::shape::Shape;
 #[cfg(feature = "sim")]
@@ -64,6 +65,7 @@ pub enum Command {
     Check(Check),
     Field(Field),
     Shape(Shape),
+    Plan(Plan),
     Tune(Tune),
 }
 
@@ -89,6 +91,7 @@ impl Command {
             Self::Check(command) => command.run(),
             Self::Field(command) => command.run(),
             Self::Shape(command) => command.run(),
+            Self::Plan(command) => command.run(),
             Self::Tune(command) => command.run(),
         }
     }

@@ -8,6 +8,7 @@ mod actuation;
 mod campaign;
 mod check;
 mod command;
+mod counting;
 mod data_file;
 #[cfg(feature = "sim")]
 mod demo;
@@ -20,6 +21,7 @@ mod figures;
 mod operator;
 mod output;
 mod overlay;
+mod plan;
 mod play;
 mod rig_file;
 mod run;

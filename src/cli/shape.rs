@@ -63,7 +63,7 @@ impl Shape {
         if let Some(failure) = &answer.failure {
             output::note(format_args!("no equilibrium was found: {failure}"));
         }
-        if answer.stability_margin.is_some_and(|margin| margin <= 0.0) {
+        if answer.unstable_modes.is_some_and(|modes| modes > 0) {
             output::note("the equilibrium is not stable: the manipulator would leave it");
         }
         for magnet in answer.magnets.iter().filter(|magnet| !magnet.field_valid) {
@@ -113,7 +113,8 @@ impl Shape {
             exact: JacobianAnswer::of(&pass, columns),
             frozen_wrench: JacobianAnswer::of(&frozen, columns),
         };
-        Answer::new(&names, &solution, &pass, elapsed_us, jacobian)
+        let stability = manipulator.stability(&mut pass);
+        Answer::new(&names, &solution, &pass, stability, elapsed_us, jacobian)
     }
 }
 

@@ -1,6 +1,6 @@
 //! What `magsteer shape` prints. The keys of [`Answer`] are stable: other programs test against them.
 
-use magsteer::rod::{MagnetPass, Outcome, Pass, Solution};
+use magsteer::rod::{MagnetPass, Outcome, Pass, Solution, Stability};
 use nalgebra::Matrix3;
 use serde::Serialize;
 
@@ -20,9 +20,11 @@ pub struct Answer {
     pub tip_tangent: [f64; 3],
     pub magnets: Vec<MagnetAnswer>,
     pub jacobian: JacobianAnswer,
-    /// 1 for the unloaded straight manipulator, 0 where the equilibrium ceases to be stable, negative when stability was lost on the
-    /// way from rest; `null` without an equilibrium. Determinant of the residual's Jacobian with the sign that tells.
+    /// 1 for the unloaded manipulator, 0 where the equilibrium ceases to be stable, negative beyond; `null` without an equilibrium. Share
+    /// of the weakest deformation's strain energy that the loads leave.
     pub stability_margin: Option<f64>,
+    /// Number of ways in which the manipulator would leave the equilibrium by itself; `null` without an equilibrium.
+    pub unstable_modes: Option<u32>,
     /// Shooting passes, those of the way from rest included.
     pub passes: u32,
     /// Why no equilibrium was found.
@@ -96,12 +98,11 @@ impl Answer {
         names: &[&str],
         solution: &Solution,
         pass: &Pass,
+        stability: Stability,
         elapsed_us: f64,
         jacobian: JacobianAnswer,
     ) -> Self {
         let magnets = names.iter().zip(pass.magnets());
-        // A rod that buckles in two planes at once leaves the determinant's sign as it was.
-        let margin = if solution.lost_stability { -pass.determinant().abs() } else { pass.determinant() };
         Self {
             converged: solution.converged(),
             iterations: solution.iterations,
@@ -113,7 +114,8 @@ impl Answer {
             tip_tangent: pass.tip_tangent().into(),
             magnets: magnets.map(|(name, at)| MagnetAnswer::new(name, at)).collect(),
             jacobian,
-            stability_margin: solution.converged().then_some(margin),
+            stability_margin: solution.converged().then_some(stability.margin),
+            unstable_modes: solution.converged().then_some(stability.unstable_modes),
             passes: solution.passes,
             failure: failure(solution),
         }
@@ -127,10 +129,10 @@ impl Answer {
     /// The answer for people.
     pub fn table(&self) -> String {
         let found = if self.converged { "equilibrium" } else { "no equilibrium; where the search ended" };
-        let stability = match self.stability_margin {
-            Some(margin) if margin > 0.0 => format!("stable, margin {margin:.3}"),
-            Some(margin) => format!("UNSTABLE, margin {margin:.3}"),
-            None => "stability unknown".to_owned(),
+        let stability = match (self.stability_margin, self.unstable_modes) {
+            (Some(margin), Some(0)) => format!("stable, margin {margin:.3}"),
+            (Some(margin), Some(modes)) => format!("UNSTABLE in {modes} modes, margin {margin:.3}"),
+            _ => "stability unknown".to_owned(),
         };
         let mut text = format!(
             "{found}: {} iterations, residual {:.1e}, {:.0} us, {stability}\n",

@@ -8,7 +8,7 @@
 //! | `dPhi` | wanted orientation step |
 //!
 //! Method `bounded`: minimise `|J s x - dPhi|^2 + d |x - x_pref|^2` within the limits on value and rate. `x_pref` lies in the null space of
-//! `J s`: it lets currents decay, and leads away from snap-through where the margin of stability is too small. Method `truncated-svd`: eqs. (18) and (19) over the same scaled
+//! `J s`: it lets currents decay, and stiffens the rod where the determinant of its residual's Jacobian is too small. Method `truncated-svd`: eqs. (18) and (19) over the same scaled
 //! parameters, then the whole step shortened until the first limit is met. Scaling is a deviation from (18), which mixes amperes and radians.
 
 use magsteer_hal::{Actuation, HardwareDescription, POSE_PARAMETERS_MAX};
@@ -51,10 +51,10 @@ pub struct Wish<'a> {
     pub admitted: &'a Actuation,
     /// Time since the previous cycle, s.
     pub period: f64,
-    /// Margin of stability.
-    pub margin: f64,
+    /// Determinant of the residual's Jacobian.
+    pub determinant: f64,
     /// Its change with each parameter, 1/A and 1/rad.
-    pub margin_gradient: &'a [f64],
+    pub determinant_gradient: &'a [f64],
     /// Where the frames shall be at the end of the cycle, rad: they go there as far as their speed lets them, and the currents undo
     /// what that does to the magnets. `None` where the frames are the allocation's own.
     pub frame_angles: Option<&'a [f64; POSE_PARAMETERS_MAX]>,
@@ -75,8 +75,8 @@ pub struct Allocation {
     kind: AllocationKind,
     damping: f64,
     release: f64,
-    margin_wanted: f64,
-    margin_rate: f64,
+    determinant_wanted: f64,
+    determinant_rate: f64,
     ratio_max: f64,
     coils: usize,
     limits: Vec<Limits>,
@@ -117,8 +117,8 @@ impl Allocation {
             kind: config.allocation,
             damping: config.damping,
             release: config.current_release_per_s,
-            margin_wanted: config.stability_margin,
-            margin_rate: config.stability_rate_per_s,
+            determinant_wanted: config.determinant_wanted,
+            determinant_rate: config.determinant_rate_per_s,
             ratio_max: config.singular_ratio_max,
             coils: description.coils.len(),
             limits,
@@ -186,24 +186,26 @@ impl Allocation {
         }
     }
 
-    /// Where to go as far as the magnets do not turn: currents decay, and a lost margin is regained at its rate.
+    /// Where to go as far as the magnets do not turn: currents decay, and a lost determinant is regained at its rate.
     fn prefer(&mut self, wish: &Wish<'_>) {
         for (index, (preferred, limits)) in self.preferred.iter_mut().zip(&self.limits).enumerate() {
             let present = if index < self.coils { wish.admitted.current_a[index] } else { 0.0 };
             *preferred = -present * self.release * wish.period / limits.range;
         }
         self.svd.project_to_null_space(self.ratio_max, &mut self.preferred);
-        let lost = self.margin_wanted - wish.margin;
+        let lost = self.determinant_wanted - wish.determinant;
         if lost <= 0.0 {
             return;
         }
-        for ((away, gradient), limits) in self.away.iter_mut().zip(wish.margin_gradient).zip(&self.limits) {
+        for ((away, gradient), limits) in
+            self.away.iter_mut().zip(wish.determinant_gradient).zip(&self.limits)
+        {
             *away = if limits.rate > 0.0 { gradient * limits.range } else { 0.0 };
         }
         self.svd.project_to_null_space(self.ratio_max, &mut self.away);
         let slope: f64 = self.away.iter().map(|entry| entry * entry).sum();
-        // A flat margin would be chased without end: a slope below 1 over the whole range is taken as 1.
-        let length = lost.min(self.margin_wanted) * self.margin_rate * wish.period / slope.max(1.0);
+        // A flat determinant would be chased without end: a slope below 1 over the whole range is taken as 1.
+        let length = lost.min(self.determinant_wanted) * self.determinant_rate * wish.period / slope.max(1.0);
         for (preferred, away) in self.preferred.iter_mut().zip(&self.away) {
             *preferred += away * length;
         }

@@ -29,7 +29,8 @@ pub struct ControlConfig {
     pub integral_per_s2: f64,
     /// How the model's bias is estimated; needed when it is chosen.
     pub disturbance: Option<DisturbanceConfig>,
-    /// Greatest speed of each direction's reference, deg/s, > 0. Frame angles keep the speed of the rig's description.
+    /// Greatest speed of each direction's reference, deg/s, > 0. Frame angles keep the speed of the rig's
+    /// description.
     pub reference_speed_max_deg_per_s: f64,
     /// Greatest acceleration of each direction's reference, deg/s^2, > 0.
     pub reference_acceleration_max_deg_per_s2: f64,
@@ -49,11 +50,11 @@ pub struct ControlConfig {
     pub damping: f64,
     /// Rate at which currents decay in directions that do not turn the magnets, 1/s, >= 0.
     pub current_release_per_s: f64,
-    /// Margin of stability below which the actuation moves away from snap-through, where the targets leave room, 0 to 10;
-    /// 1 is the rod at rest, 0 the snap.
-    pub stability_margin: f64,
-    /// Rate at which a lost margin is regained, 1/s, >= 0.
-    pub stability_rate_per_s: f64,
+    /// Determinant of the residual's Jacobian below which the actuation stiffens the rod, where the targets leave room, 0 to 10;
+    /// 1 is the unloaded rod, 0 a snap-through.
+    pub determinant_wanted: f64,
+    /// Rate at which a lost determinant is regained, 1/s, >= 0.
+    pub determinant_rate_per_s: f64,
     /// `"steer"` to turn the frames, `"hold"` to leave them where they are.
     pub frame_angles: FrameUse,
     /// Most shooting passes in one cycle, 1 to 20.
@@ -91,8 +92,8 @@ impl ControlConfig {
         checks.within("control.singular_ratio_max", self.singular_ratio_max, 1.0, 1e12);
         checks.within("control.damping", self.damping, 1e-12, 1.0);
         checks.within("control.current_release_per_s", self.current_release_per_s, 0.0, 100.0);
-        checks.within("control.stability_margin", self.stability_margin, 0.0, 10.0);
-        checks.within("control.stability_rate_per_s", self.stability_rate_per_s, 0.0, 1e3);
+        checks.within("control.determinant_wanted", self.determinant_wanted, 0.0, 10.0);
+        checks.within("control.determinant_rate_per_s", self.determinant_rate_per_s, 0.0, 1e3);
         checks.within("control.passes_max", f64::from(self.passes_max), 1.0, 20.0);
         let told = self.algorithm_1.is_some() || self.jacobian == JacobianKind::Exact;
         checks.require(told, "control.algorithm_1", "nothing", "given, since `jacobian` is \"algorithm-1\"");

@@ -3,7 +3,8 @@
 //! The order of a cycle is that of the paper's Fig. 4: measured tangents (A), wrenches and shape of the model at the
 //! measured actuation (B), orientation Jacobian (C), new currents and angles (D).
 //!
-//! Measurements are late: what they are compared with, so that cause and effect belong to one moment, is the business of `feedback`.
+//! Measurements are late: what they are compared with, so that cause and effect belong to one moment, is the
+//! business of `feedback`.
 //!
 //! What is absent: a clock, a channel, an allocation after construction, a lock, a log, a panic.
 
@@ -82,8 +83,8 @@ pub struct CycleOutcome {
     pub verdict: Verdict,
     /// Tangents that the model predicts for the present actuation.
     pub predicted: Directions,
-    /// Bias of the model: of every magnet the rotation vector from its predicted tangent to where it is taken to be, rad, world;
-    /// zero where it is not estimated.
+    /// Bias of the model: of every magnet the rotation vector from its predicted tangent to where it is taken
+    /// to be, rad, world; zero where it is not estimated.
     pub bias: [[f64; 3]; MAGNETS_MAX],
     /// The model's health.
     pub model: ModelReport,
@@ -291,8 +292,8 @@ impl Cycle {
             step: &rows.step,
             admitted: &input.admitted,
             period: input.period,
-            margin: self.model.margin(),
-            margin_gradient: self.model.margin_gradient(),
+            determinant: self.model.determinant(),
+            determinant_gradient: self.model.determinant_gradient(),
             frame_angles: self.reference.frame_angles().as_ref(),
         });
         let increment = self.allocation.increment();

@@ -1,4 +1,5 @@
-//! The bias of the model: by how much the magnets point elsewhere than the statics say, learnt from late and noisy measurements.
+//! The bias of the model: by how much the magnets point elsewhere than the statics say, learnt from late and
+//! noisy measurements.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -7,16 +8,21 @@
 //! | `b` | bias: the shortest rotation from `p` to `m` as a rotation vector, rad, world; one a magnet |
 //! | `T` | time constant of its estimate, s |
 //!
-//! The statics know where the rod comes to rest, and not how it gets there. Predictions are therefore passed through the rod's first mode, a
-//! second-order response of frequency `f` and damping ratio `z`, and remembered; a pose is compared with the prediction of its own moment, however
-//! late it comes. What then differs is the model's error, and whatever else turns the magnets, not the rod's motion. It is filtered with `T` over the
-//! time between exposures, whatever their rate. Tangents out of line by more than is credible move the estimate no more than the
-//! credible would: a jump, or a sensor that lies for a while, shifts it slowly.
+//! The statics know where the rod comes to rest, and not how it gets there. Predictions are therefore passed
+//! through the rod's first mode, a second-order response of frequency `f` and damping ratio `z`, and
+//! remembered; a pose is compared with the prediction of its own moment, however late it comes. What then
+//! differs is the model's error, and whatever else turns the magnets, not the rod's motion. It is filtered
+//! with `T` over the time between exposures, whatever their rate. Tangents out of line by more than is
+//! credible move the estimate no more than the credible would: a jump, or a sensor that lies for a while,
+//! shifts it slowly. Predictions that leap as no rod can, since currents or angles are measured wrongly or
+//! the model has lost its way, teach nothing and are not to be steered by until a time `T` has passed
+//! without.
 //!
-//! The controller then steers the corrected prediction `R(b) p`, at present and without noise, to the reference: internal model control, a Smith
-//! predictor for a static model (Morari, Zafiriou: Robust Process Control, 1989, chapters 2 and 3). The loop around the sensor closes through the
-//! model's error alone, so that a late sensor makes it slower to learn and not unstable; actuators at their limits are the model's too, and
-//! nothing winds up.
+//! The controller then steers the corrected prediction `R(b) p`, at present and without noise, to the
+//! reference: internal model control, a Smith predictor for a static model (Morari, Zafiriou: Robust Process
+//! Control, 1989, chapters 2 and 3). The loop around the sensor closes through the model's error alone, so
+//! that a late sensor makes it slower to learn and not unstable; actuators at their limits are the model's
+//! too, and nothing winds up.
 
 use magsteer_hal::{MAGNETS_MAX, PoseMessage};
 use nalgebra::{Rotation3, Vector3};
@@ -26,10 +32,16 @@ use magsteer_hal::invalid::Checks;
 
 use super::cycle::Directions;
 use super::past::Past;
-use crate::math::logarithm;
+use crate::math::{angle_between, logarithm};
 
-/// Longest time between exposures that counts, in time constants: after a pause one tangent is still only one.
+/// Longest time between exposures that counts, in time constants: after a pause one tangent is still only
+/// one.
 const PAUSE_MAX: f64 = 0.5;
+/// Greatest speed of a prediction that is believed, rad/s: four times what references are usually given.
+const SPEED_MAX: f64 = 1000.0_f64.to_radians();
+/// What noise of the measured actuation adds to it from one cycle to the next, rad: 10 mA turn the magnets by
+/// 0.3 degrees at most.
+const NOISE_MAX: f64 = 1.0_f64.to_radians();
 
 /// `[control.disturbance]`: how the model's bias is learnt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -83,8 +95,9 @@ pub struct Disturbance {
     past: Past,
     /// Time since the first prediction, s.
     elapsed: f64,
-    /// When the model had last not caught up.
+    /// When the model had last not caught up, or leapt.
     astray: f64,
+    newest: Directions,
     magnet: [Estimate; MAGNETS_MAX],
 }
 
@@ -109,6 +122,7 @@ impl Disturbance {
             past: Past::new(),
             elapsed: 0.0,
             astray: f64::NEG_INFINITY,
+            newest: Directions::default(),
             magnet: [Estimate { bias: Vector3::zeros(), exposed: None }; MAGNETS_MAX],
         }
     }
@@ -116,11 +130,26 @@ impl Disturbance {
     /// Takes one cycle's prediction; call it every cycle.
     pub(super) fn predict(&mut self, prediction: &Prediction<'_>) {
         self.elapsed += prediction.period;
-        if !prediction.converged {
+        if !prediction.converged || self.has_leapt(prediction) {
             self.astray = self.elapsed;
         }
+        self.newest = *prediction.tangents;
         let answered = self.mode.answer(prediction.tangents, self.magnets, prediction.period);
         self.past.push(&answered, prediction.period);
+    }
+
+    /// True when predictions have been believable for long enough to be steered by.
+    pub(super) fn is_sound(&self) -> bool {
+        self.elapsed - self.astray > self.time_constant
+    }
+
+    fn has_leapt(&self, prediction: &Prediction<'_>) -> bool {
+        let most = SPEED_MAX * prediction.period + NOISE_MAX;
+        let pairs = self.newest.iter().zip(prediction.tangents).take(self.magnets);
+        pairs.map(|(before, now)| (Vector3::from(*before), Vector3::from(*now))).any(|(before, now)| {
+            // Nothing comes before the first.
+            before != Vector3::zeros() && angle_between(&before, &now) > most
+        })
     }
 
     /// Learns from poses that were true `age` seconds ago; call it once for each.
@@ -170,7 +199,8 @@ fn rotation_between(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     from.cross(&logarithm(from, to))
 }
 
-/// The response of the rod's first mode to where it would rest: `x'' + 2 z w x' + w^2 x = w^2 p`, every component alike.
+/// The response of the rod's first mode to where it would rest: `x'' + 2 z w x' + w^2 x = w^2 p`, every
+/// component alike.
 #[derive(Debug, Clone)]
 struct Mode {
     /// `w`, rad/s.

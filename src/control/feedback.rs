@@ -1,9 +1,10 @@
 //! Feedback: what the reference is compared with, and the velocity that the difference asks for.
 //!
-//! `delayed-reference`: the newest measured tangents, with what was desired when their cause was commanded, `age + response_delay` ago; a
-//! proportional-integral law. The delay stands in this loop: the slower the sensor, the smaller the gain must be.
-//! `disturbance-estimate`: the model's present tangents, corrected by the bias that measurements show, with what is desired now; a proportional law.
-//! No delay stands in this loop.
+//! `delayed-reference`: the newest measured tangents, with what was desired when their cause was commanded,
+//! `age + response_delay` ago; a proportional-integral law. The delay stands in this loop: the slower the
+//! sensor, the smaller the gain must be. `disturbance-estimate`: the model's present tangents, corrected by
+//! the bias that measurements show, with what is desired now; a proportional law. No delay stands in this
+//! loop. While the prediction cannot be trusted, the reference is followed without correction.
 
 use magsteer_hal::{MAGNETS_MAX, PoseMessage};
 use nalgebra::Vector3;
@@ -108,7 +109,9 @@ impl Feedback {
 
     /// Adds what the errors ask for to the velocities of the rows, which hold the reference's.
     pub(super) fn add_velocity(&self, error: &[f64], velocity: &mut [f64]) {
-        self.law.add_velocity(error, velocity);
+        if self.disturbance.as_ref().is_none_or(Disturbance::is_sound) {
+            self.law.add_velocity(error, velocity);
+        }
     }
 
     /// Learns what the limits left of what was asked for, rad/s, over a period.
@@ -116,8 +119,8 @@ impl Feedback {
         self.law.integrate(error, asked, achieved, period);
     }
 
-    /// Bias of the model: of every magnet the rotation vector from its predicted tangent to where it is taken to be,
-    /// rad, world; zero where it is not estimated.
+    /// Bias of the model: of every magnet the rotation vector from its predicted tangent to where it is taken
+    /// to be, rad, world; zero where it is not estimated.
     pub(super) fn bias(&self) -> [[f64; 3]; MAGNETS_MAX] {
         self.disturbance.as_ref().map_or([[0.0; 3]; MAGNETS_MAX], Disturbance::bias)
     }

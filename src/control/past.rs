@@ -49,7 +49,8 @@ impl Past {
         }
     }
 
-    /// The directions of `age` seconds ago, unit, along the chord between those remembered; as far back as is remembered.
+    /// The directions of `age` seconds ago, unit, along the chord between those remembered; as far back as is
+    /// remembered.
     pub(super) fn at(&self, age: f64) -> Directions {
         let wanted = self.present.time - age;
         let mut after = &self.present;
@@ -94,7 +95,8 @@ mod tests {
         angle_between(&Vector3::from(past.at(age)[1]), &Vector3::from(at(angle)[1]))
     }
 
-    /// Goal: what was true at any moment within memory is found, whatever the rate; what never was stays zero.
+    /// Goal: what was true at any moment within memory is found, whatever the rate; what never was stays
+    /// zero.
     #[test]
     fn past_is_what_was_true_then() {
         for period in [1e-4, 1e-3, 1e-2] {

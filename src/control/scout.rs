@@ -8,7 +8,7 @@
 //! # Method
 //! A [`Walker`] takes up the loop's own model where it is, equilibrium, derivatives and margin, and walks to the target as the
 //! reference will lead: along great circles, frames evenly. It takes a few steps a cycle, each one call of the model and one allocation,
-//! so that a cycle's cost is bounded; a way of 30 degrees takes some 40 steps. Until it has arrived the reference goes to the target
+//! so that a cycle's cost is bounded; a way of 30 degrees takes some 60 steps. Until it has arrived the reference goes to the target
 //! before: nothing is steered to that was not seen. What is waited for, some 20 ms at 1 kHz, is little beside the time of the reference, and the
 //! same promise holds at any rate of the loop.
 //!
@@ -37,8 +37,6 @@ use crate::rod::Manipulator;
 
 /// Share of a margin that a motion may lose when it begins below what is allowed: ways out are rarely ways up from the first step.
 const LOSS_SHARE: f64 = 0.25;
-/// What a walk is compared by is not asked here: any disturbance will do, rad.
-const DISTURBANCE: f64 = 0.05;
 
 /// `[control.scout]`: how new targets are looked at before the reference goes there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -46,6 +44,9 @@ const DISTURBANCE: f64 = 0.05;
 pub struct ScoutConfig {
     /// Steps of the walk in one cycle, 1 to 20; each costs about as much as the cycle's own call of the model.
     pub steps_per_cycle: u32,
+    /// Farthest that a magnet turns between two stations of the walk, deg, 0.1 to 10; frames turn twice as far. What is walked between is
+    /// steered by derivatives from some stations before.
+    pub station_deg: f64,
     /// Least margin of stability on a way that may be gone, -10 to 10; 1 is the rod at rest, 0 the snap. Above what the model's errors
     /// and the swing of the first mode make of it.
     pub margin_min: f64,
@@ -57,6 +58,7 @@ impl ScoutConfig {
     /// Adds every value out of its range, keyed from the root of the file.
     pub fn check(&self, checks: &mut Checks) {
         checks.within("control.scout.steps_per_cycle", f64::from(self.steps_per_cycle), 1.0, 20.0);
+        checks.within("control.scout.station_deg", self.station_deg, 0.1, 10.0);
         checks.within("control.scout.margin_min", self.margin_min, -10.0, 10.0);
         checks.within("control.scout.tolerance_deg", self.tolerance_deg, 1e-3, 45.0);
     }
@@ -136,7 +138,7 @@ impl Scout {
     ) -> Self {
         Self {
             magnets: manipulator.magnet_count(),
-            walker: Walker::in_proportion(control, description, manipulator, DISTURBANCE),
+            walker: Walker::for_scout(config.station_deg.to_radians(), control, description, manipulator),
             steps: config.steps_per_cycle,
             bounds: Bounds { margin_min: config.margin_min, tolerance: config.tolerance_deg.to_radians() },
             cleared: ReferenceTarget::default(),
@@ -188,12 +190,12 @@ impl Scout {
     fn accept(&mut self, asked: &ReferenceTarget, model: &Model) {
         let currents = model.present().actuation.current_a;
         let current_max = currents.iter().fold(0.0_f64, |most, current| most.max(current.abs()));
-        self.verdict = Verdict::Clear { margin_min: model.margin(), current_max };
+        self.verdict = Verdict::Clear { margin_min: model.stability().margin, current_max };
         (self.cleared, self.judged, self.under_way) = (*asked, Some(*asked), None);
     }
 
     fn set_out(&mut self, asked: &ReferenceTarget, standing: &Standing<'_>) {
-        let margin_min = margin_allowed(self.bounds.margin_min, standing.model.margin());
+        let margin_min = margin_allowed(self.bounds.margin_min, standing.model.stability().margin);
         self.walker.take_up(standing.model);
         let present = standing.model.present().actuation;
         let mut goal = Waypoint {

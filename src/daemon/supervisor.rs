@@ -200,7 +200,7 @@ impl Supervisor {
             froze: held(&self.state) && !held(before),
             given_up: None,
             verdict: self.verdict,
-            stability_low: self.watch.warns_of_stability(seen),
+            stability_low: self.watch.warns_of_stability(),
         }
     }
 

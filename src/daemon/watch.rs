@@ -82,6 +82,9 @@ impl Observation {
     }
 }
 
+/// How far above its limit the margin of stability ends a warning: the noise of measured currents moves it by half of that.
+const WARNING_BAND: f64 = 0.03;
+
 /// What a cause makes of the outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Response {
@@ -138,6 +141,7 @@ pub struct Watch {
     model_unusable_since: Option<Stamp>,
     write_failing_since: Option<Stamp>,
     unstable_since: Option<Stamp>,
+    warns_of_stability: bool,
     /// Least margin of stability that the present motion may come to.
     margin_allowed: f64,
     trust: Trust,
@@ -158,6 +162,7 @@ impl Watch {
             model_unusable_since: None,
             write_failing_since: None,
             unstable_since: None,
+            warns_of_stability: false,
             margin_allowed: limits.stability_hold,
             trust: Trust::new(limits),
         }
@@ -171,6 +176,8 @@ impl Watch {
         self.write_failing_since = since(self.write_failing_since, seen.write_failed, seen.now);
         // Not a number is no margin.
         let stable = seen.margin >= self.limits.stability_stop;
+        let quiet_at = self.limits.stability_warn + if self.warns_of_stability { WARNING_BAND } else { 0.0 };
+        self.warns_of_stability = seen.margin < quiet_at;
         self.unstable_since = since(self.unstable_since, !stable, seen.now);
         self.trust.observe(seen);
     }
@@ -188,8 +195,8 @@ impl Watch {
 
     /// True when the margin of stability is to be warned of.
     #[must_use]
-    pub fn warns_of_stability(&self, seen: &Observation) -> bool {
-        seen.margin < self.limits.stability_warn
+    pub fn warns_of_stability(&self) -> bool {
+        self.warns_of_stability
     }
 
     /// Remembers which life of driver and sensor granted authority: another one has to be armed anew.

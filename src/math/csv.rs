@@ -1,7 +1,7 @@
 //! Tables of measurements as CSV text: cells by line and column, and why one of them is refused.
 //!
-//! Cells stand between commas, the first line that is neither blank nor a remark (`#`) names the columns. Every refusal
-//! names line, column, value and what would be right.
+//! Cells stand between commas, the first line that is neither blank nor a remark (`#`) names the columns.
+//! Every refusal names line, column, value and what would be right.
 
 use std::fmt::{self, Display, Formatter};
 

@@ -26,8 +26,8 @@ pub fn logarithm(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     }
 }
 
-/// Walks from the unit vector `from` along the great circle of the tangent vector `way` as far as that is long, rad: where that ends, and
-/// `carried`, a tangent vector at `from`, taken along.
+/// Walks from the unit vector `from` along the great circle of the tangent vector `way` as far as that is long,
+/// rad: where that ends, and `carried`, a tangent vector at `from`, taken along.
 #[must_use]
 pub fn along_great_circle(
     from: &Vector3<f64>,

@@ -1,12 +1,13 @@
 //! Derivatives of an equilibrium with what the manipulator is: clamp, stiffness, moments, weight.
 //!
 //! # Problem
-//! A pass differentiates with the actuation. Who estimates the manipulator's constants from measured equilibria, or
-//! asks how well they must be known, needs the derivatives with those, as exact as the others.
+//! A pass differentiates with the actuation. Who estimates the manipulator's constants from measured
+//! equilibria, or asks how well they must be known, needs the derivatives with those, as exact as the
+//! others.
 //!
 //! # Method
-//! As a pass: columns are carried from base to tip, and the condition at the tip is kept by (s3), (s4) of `shooting`.
-//! They begin, or are added to, where the constant acts:
+//! As a pass: columns are carried from base to tip, and the condition at the tip is kept by (s3), (s4) of
+//! `shooting`. They begin, or are added to, where the constant acts:
 //! ```text
 //! clamp:    dp = e_k;   phi = R' e_k, a turn about a world axis                                (k1)
 //! moment:   dF = F, dT = T at its magnet, per logarithm                                        (k2)
@@ -14,9 +15,9 @@
 //! stiffness, all of a section's by one factor, per logarithm:
 //!           d(end) = -(d(end)/dn n + d(end)/dm m + d(end)/dg g), and m, n of the end added     (k4)
 //! ```
-//! (k4) holds because a section's shape depends on loads over stiffness alone: stiffer by a factor, it takes the same
-//! shape under loads that are greater by it. The same is true of the discrete scheme, whose scaled variables are those
-//! ratios. n, m are those at the section's start.
+//! (k4) holds because a section's shape depends on loads over stiffness alone: stiffer by a factor, it
+//! takes the same shape under loads that are greater by it. The same is true of the discrete scheme, whose
+//! scaled variables are those ratios. n, m are those at the section's start.
 //!
 //! A sweep of its own after a pass: a control cycle never asks for it and pays nothing.
 
@@ -142,8 +143,9 @@ struct Change {
 }
 
 impl Manipulator {
-    /// Derivatives of the equilibrium in `pass` with every constant. The pass was run under `field`, was asked for poses
-    /// and is left as it was, but for its scratch space. False, and nothing meaningful in `by`, when it had no Newton step.
+    /// Derivatives of the equilibrium in `pass` with every constant. The pass was run under `field`, was
+    /// asked for poses and is left as it was, but for its scratch space. False, and nothing meaningful in
+    /// `by`, when it had no Newton step.
     pub fn differentiate(&self, field: &impl AppliedField, pass: &mut Pass, by: &mut ByConstants) -> bool {
         debug_assert!(pass.poses, "a pass without poses does not know how the base unknowns twist the rod");
         let mut state = pass.states[0];

@@ -7,7 +7,8 @@
 //!
 //! Where an equilibrium loses stability `det(dr/dxi)` vanishes ([`Pass::determinant`]): a step that nears such a point
 //! fast, or jumps to where the determinant is much different, is halved, so that an imperfect rod is followed around
-//! the bifurcation. An exactly symmetric one stays an equilibrium beyond it; the continuation reports that and goes on.
+//! the bifurcation. An exactly symmetric one stays an equilibrium beyond it, at which two modes may turn unstable at once and leave the
+//! determinant's sign: the unstable modes of every step's end are counted. The continuation reports a loss and goes on.
 
 use nalgebra::{Vector3, Vector6};
 
@@ -140,7 +141,8 @@ impl Manipulator {
         pass: &mut Pass,
     ) {
         let mut unknowns = pass.unknowns;
-        let mut pace = Pace::new(self.options.rotation_step_max, pass.determinant);
+        let stable = self.unstable_modes(pass) == 0;
+        let mut pace = Pace::new(self.options.rotation_step_max, pass.determinant, stable);
         let reached = &mut solution.load_reached[phase as usize];
         accept(pass);
         while *reached < 1.0 {
@@ -148,8 +150,14 @@ impl Manipulator {
             let trial = self.newton(&whole.part(phase, target).loading(), &unknowns, mode.poses, pass);
             solution.passes += trial.passes;
             solution.iterations += trial.iterations;
-            let verdict =
-                pace.judge(trial.converged(), least_cosine(pass), pass.determinant, target - *reached);
+            let unstable = trial.converged() && self.unstable_modes(pass) > 0;
+            let found = Found {
+                converged: trial.converged(),
+                cosine: least_cosine(pass),
+                determinant: pass.determinant,
+                unstable,
+            };
+            let verdict = pace.judge(&found, target - *reached);
             if verdict != Verdict::Rejected {
                 *reached = target;
                 unknowns = pass.unknowns;
@@ -190,6 +198,16 @@ enum Verdict {
     Rejected,
 }
 
+/// Where a trial step led to.
+struct Found {
+    converged: bool,
+    /// Cosine of the greatest rotation of a part's end.
+    cosine: f64,
+    determinant: f64,
+    /// True when the equilibrium has an unstable mode.
+    unstable: bool,
+}
+
 /// Chooses the steps of a load and judges what they lead to.
 struct Pace {
     /// Next step, as a fraction of the load.
@@ -202,12 +220,13 @@ struct Pace {
 }
 
 impl Pace {
-    fn new(rotation_step_max: f64, determinant: f64) -> Self {
+    fn new(rotation_step_max: f64, determinant: f64, stable: bool) -> Self {
         let (cosine_min, cosine_easy) = (rotation_step_max.cos(), (0.5 * rotation_step_max).cos());
-        Self { step: STEP_FIRST, cosine_min, cosine_easy, determinant, stable: true }
+        Self { step: STEP_FIRST, cosine_min, cosine_easy, determinant, stable }
     }
 
-    fn judge(&mut self, converged: bool, cosine: f64, determinant: f64, step: f64) -> Verdict {
+    fn judge(&mut self, found: &Found, step: f64) -> Verdict {
+        let &Found { converged, cosine, determinant, unstable } = found;
         // Written so that a number that is none rejects.
         if !(converged && cosine >= self.cosine_min) {
             self.step = 0.5 * step;
@@ -215,7 +234,7 @@ impl Pace {
         }
         let ratio = determinant / self.determinant;
         let steady = (1.0 / DETERMINANT_RATIO..=DETERMINANT_RATIO).contains(&ratio);
-        if self.stable && !steady {
+        if self.stable && (unstable || !steady) {
             if step > STEP_CROSSING {
                 self.step = 0.5 * step;
                 return Verdict::Rejected;

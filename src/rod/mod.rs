@@ -9,6 +9,7 @@
 //!   every actuation parameter (`shooting`; start reading there). A controller runs one pass a cycle.
 //! - **Solve**: passes until the residual meets a tolerance, near a guess (`solve`) or from rest (`continuation`).
 //! - **Constants**: what the manipulator is, and how an equilibrium changes with it, for identification (`constants`).
+//! - **Stability** of an equilibrium: number of unstable modes and margin, by the second variation of the energy (`stability`).
 //! - **Held** wrenches stay in the world while the rod moves: the problems of the paper's Algorithm 1 (`held`).
 //!
 //! Constants are in [`Manipulator`], made by [`RodConfig::build`]; state and results are in [`Pass`], allocated once.

@@ -240,8 +240,10 @@ impl Pass {
         Vector6::from_fn(|row, _| self.unknowns_rows[row][parameter])
     }
 
-    /// Determinant of d(residual)/d(unknowns): 1 for the unloaded straight rod, 0 where an equilibrium loses
-    /// its stability (buckling, snap-through). Zero as well when the matrix is singular to working precision.
+    /// Determinant of d(residual)/d(unknowns): 1 for the unloaded rod, 0 where an equilibrium loses its stability (buckling,
+    /// snap-through). It is the product of all eigenvalues of which [`Manipulator::stability`] finds the lowest, so that deformations that
+    /// loads stiffen raise it and an even number of unstable ones leaves its sign. Zero as well when the matrix is singular to
+    /// working precision.
     #[must_use]
     pub fn determinant(&self) -> f64 {
         self.determinant

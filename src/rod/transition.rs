@@ -159,7 +159,8 @@ impl Section {
         self.finish::<FULL, P>(&columns, (node.t, node.d1), &state.frame)
     }
 
-    /// As [`Self::advance`] with twist. The last column, empty there, is the derivative with the logarithm of gravity.
+    /// As [`Self::advance`] with twist. The last column, empty there, is the derivative with the logarithm of
+    /// gravity.
     pub fn advance_weighed<const EXTENSIBLE: bool, const CURVED: bool>(
         &self,
         state: &mut State,

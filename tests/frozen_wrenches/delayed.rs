@@ -35,7 +35,7 @@ impl<'a> DelayedRig<'a> {
     pub fn new(rig: &'a Rig, state: &'a State, jacobian: JacobianKind) -> Self {
         let mut control = rig.control.clone();
         control.jacobian = jacobian;
-        (control.current_release_per_s, control.stability_rate_per_s) = (0.0, 0.0);
+        (control.current_release_per_s, control.determinant_rate_per_s) = (0.0, 0.0);
         control.damping = 1e-9;
         control.feedback = FeedbackKind::DelayedReference;
         // Steps of the target are to reach the law as they are.

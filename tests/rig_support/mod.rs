@@ -104,12 +104,9 @@ impl Bench {
 
     /// The same through targets in the x-z plane, deg from z, each for a time in seconds.
     pub fn play_planar(&mut self, targets_deg: &[[f64; 2]], duration_s: f64) -> Vec<StepResponse> {
-        let target = |angles: &[f64; 2]| {
-            let mut directions = Directions::default();
-            for (direction, angle) in directions.iter_mut().zip(angles) {
-                *direction = [angle.to_radians().sin(), 0.0, angle.to_radians().cos()];
-            }
-            TimedTarget { target: directions.into(), duration: duration_s }
+        let target = |angles: &[f64; 2]| TimedTarget {
+            target: directions_planar(*angles).into(),
+            duration: duration_s,
         };
         let steps: Vec<TimedTarget> = targets_deg.iter().map(target).collect();
         self.play(&steps)
@@ -121,6 +118,15 @@ impl Bench {
         assert_eq!(played.end, PlayEnd::Complete, "the loop steers to the end");
         played.steps.into_iter().map(|step| step.response).collect()
     }
+}
+
+/// Directions in the x-z plane, deg from z.
+pub fn directions_planar(angles_deg: [f64; 2]) -> Directions {
+    let mut directions = Directions::default();
+    for (direction, angle) in directions.iter_mut().zip(angles_deg) {
+        *direction = [angle.to_radians().sin(), 0.0, angle.to_radians().cos()];
+    }
+    directions
 }
 
 /// Prints how each step went.

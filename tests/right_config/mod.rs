@@ -76,8 +76,8 @@ allocation = "bounded"
 singular_ratio_max = 1e5
 damping = 1e-4
 current_release_per_s = 0.5
-stability_margin = 0.9
-stability_rate_per_s = 20.0
+determinant_wanted = 0.9
+determinant_rate_per_s = 20.0
 frame_angles = "steer"
 passes_max = 3
 

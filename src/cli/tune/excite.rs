@@ -1,7 +1,8 @@
 //! `magsteer tune excite`: equilibria of the simulated rig, as `tune identify` reads them.
 //!
-//! In lockstep, faster than real time. What is written is what a driver would tell: poses of the mounted sensor and the
-//! feedback of currents and angles, averaged while the rod is at rest; never the plant's truth.
+//! In lockstep, faster than real time. What is written is what a driver would tell: poses of the mounted
+//! sensor and the feedback of currents and angles, averaged while the rod is at rest; never the plant's
+//! truth.
 
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -28,7 +29,8 @@ use crate::cli::{data_file, output};
 const CYCLE: Duration = Duration::from_millis(1);
 /// Validity of the commands.
 const VALIDITY: Duration = Duration::from_millis(100);
-/// Least time from one equilibrium to the next, s: slow beside the rod's first mode, so that it is led and not thrown.
+/// Least time from one equilibrium to the next, s: slow beside the rod's first mode, so that it is led and
+/// not thrown.
 const RAMP_MIN_S: f64 = 0.5;
 /// Share of a rate limit that the way takes.
 const RATE_SHARE: f64 = 0.8;
@@ -37,9 +39,9 @@ const DRAW_EVERY: Duration = Duration::from_millis(200);
 
 /// Make data for `tune identify` with the simulated rig.
 ///
-/// Draws currents and angles at random that the model says the rod bears, also when it is softer than the model, leads
-/// the simulated rig there, waits until it rests, and writes what sensor and driver report. The plant has the errors of
-/// [plant.errors], which `tune identify` should find.
+/// Draws currents and angles at random that the model says the rod bears, also when it is softer than the
+/// model, leads the simulated rig there, waits until it rests, and writes what sensor and driver report.
+/// The plant has the errors of [plant.errors], which `tune identify` should find.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  magsteer tune excite config/bigmag-planar.toml --out data.csv --samples 60 --seed 1"

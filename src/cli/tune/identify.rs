@@ -30,22 +30,26 @@ const DRAW_EVERY: Duration = Duration::from_millis(100);
 
 /// Modulus, moments, coil gains and clamp from measured equilibria.
 ///
-/// Each line of DATA is the rig at rest: i0_a, i1_a, ... (measured currents, A, in the order of FILE), theta_NAME_deg for
-/// every frame, and for every magnet its tangent towards the tip NAME_tx, NAME_ty, NAME_tz (unit, world) or its
-/// orientation NAME_qx to NAME_qw (body z is the tangent), and where measured its centre NAME_x_m, NAME_y_m, NAME_z_m.
-/// Empty cells mean that a magnet was not seen.
+/// Each line of DATA is the rig at rest: i0_a, i1_a, ... (measured currents, A, in the order of FILE),
+/// theta_NAME_deg for every frame, and for every magnet its tangent towards the tip NAME_tx, NAME_ty,
+/// NAME_tz (unit, world) or its orientation NAME_qx to NAME_qw (body z is the tangent), and where measured
+/// its centre NAME_x_m, NAME_y_m, NAME_z_m. Empty cells mean that a magnet was not seen.
 ///
-/// Every parameter has a prior: how far the value in FILE is trusted. The estimate weighs it against the data; what the
-/// data do not tell stays where it was and is named. Noise that is not stated is estimated from what the fit leaves.
-/// Ends with 0; 1 when the search did not end; 65 when the data are refused, with line, column, value and what would be right.
+/// Every parameter has a prior: how far the value in FILE is trusted. The estimate weighs it against the
+/// data; what the data do not tell stays where it was and is named. Noise that is not stated is estimated
+/// from what the fit leaves. "deviation" is the standard deviation for noise that is independent and alike
+/// everywhere; "by samples" is that from how much the samples disagree, and greater where the model misses
+/// something. Ends with 0; 1 when the search did not end; 65 when the data are refused, with line, column,
+/// value and what would be right.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     magsteer tune excite config/bigmag-planar.toml --out data.csv\n  \
     magsteer tune identify config/bigmag-planar.toml data.csv --out tuned.toml\n  \
-    magsteer check tuned.toml\n\n\
+    magsteer check tuned.toml\n  \
+    magsteer tune identify rig.toml a.csv b.csv --prior-base-mm 1 --prior-base-deg 1 --noise-orientation-deg 0.2 --json\n\n\
     --out writes a file that extends FILE, states where its numbers come from and can stand in its place. A prior of 0\n\
-    holds its parameters. JSON: parameters[].{name, unit, nominal, estimate, standard_deviation, moved_prior_sigma,\n\
-    posterior_over_prior}, noise, rms, chi_square, degrees_of_freedom, outliers, undetermined, correlation.")]
+    holds its parameters. JSON: parameters[].{name, unit, nominal, estimate, standard_deviation,\n\
+    standard_deviation_between_samples, moved_prior_sigma, posterior_over_prior}, noise, rms, chi_square, degrees_of_freedom, outliers, undetermined, correlation.")]
 pub struct Identify {
     /// Configuration of the rig (TOML), with its nominal parameters.
     #[arg(value_name = "FILE")]
@@ -87,11 +91,12 @@ struct PriorArgs {
     /// Of each coil's field per ampere, percent.
     #[arg(long, value_name = "PERCENT", default_value = "3", value_parser = not_negative)]
     prior_gain_percent: f64,
-    /// Of each coordinate of the clamp, mm.
-    #[arg(long, value_name = "MM", default_value = "1", value_parser = not_negative)]
+    /// Of each coordinate of the clamp, mm. Held unless given: a clamp beside the plane in which the coils
+    /// lie makes the model see directions out of the plane that the coils hardly move.
+    #[arg(long, value_name = "MM", default_value = "0", value_parser = not_negative)]
     prior_base_mm: f64,
-    /// Of the clamp's turn about each axis, deg.
-    #[arg(long, value_name = "DEG", default_value = "1", value_parser = not_negative)]
+    /// Of the clamp's turn about each world axis, deg. Held unless given.
+    #[arg(long, value_name = "DEG", default_value = "0", value_parser = not_negative)]
     prior_base_deg: f64,
 }
 

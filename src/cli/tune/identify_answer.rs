@@ -41,6 +41,8 @@ pub(super) struct ParameterAnswer {
     pub nominal: f64,
     pub estimate: f64,
     pub standard_deviation: f64,
+    /// From how much the samples disagree.
+    pub standard_deviation_between_samples: f64,
     /// By how many prior deviations it moved.
     pub moved_prior_sigma: f64,
     /// 1 when the data said nothing.
@@ -175,16 +177,17 @@ impl Answer {
     fn parameter_table(&self) -> String {
         let width = self.parameters.iter().map(|parameter| parameter.name.len()).max().unwrap_or(0);
         let mut text = format!(
-            "{:width$} {:>12} {:>12} {:>12}          moved, prior sigma   posterior/prior\n",
-            "parameter", "nominal", "estimate", "deviation"
+            "{:width$} {:>12} {:>12} {:>12} {:>12}          moved, prior sigma   posterior/prior\n",
+            "parameter", "nominal", "estimate", "deviation", "by samples"
         );
         for parameter in &self.parameters {
             text += &format!(
-                "{:width$} {:>12.5} {:>12.5} {:>12.5} {:<9} {:>17.2} {:>17.3}\n",
+                "{:width$} {:>12.5} {:>12.5} {:>12.5} {:>12.5} {:<9} {:>17.2} {:>17.3}\n",
                 parameter.name,
                 parameter.nominal,
                 parameter.estimate,
                 parameter.standard_deviation,
+                parameter.standard_deviation_between_samples,
                 parameter.unit,
                 parameter.moved_prior_sigma,
                 parameter.posterior_over_prior
@@ -221,22 +224,23 @@ pub(super) fn parameters(subject: &Subject, found: &Identified) -> Vec<Parameter
 }
 
 fn parameter(nominal: &HardwareConfig, estimate: &Estimate) -> ParameterAnswer {
-    let answer = |unit, nominal: f64, value: f64, deviation: f64| ParameterAnswer {
+    // Deviations in the units of `scale`.
+    let answer = |unit, nominal: f64, value: f64, scale: f64| ParameterAnswer {
         name: estimate.name.clone(),
         unit,
         nominal,
         estimate: value,
-        standard_deviation: deviation,
+        standard_deviation: estimate.deviation * scale,
+        standard_deviation_between_samples: estimate.deviation_between_samples * scale,
         moved_prior_sigma: estimate.moved(),
         posterior_over_prior: estimate.ratio(),
     };
     let scaled = |unit, nominal: f64| {
         let value = nominal * estimate.value.exp();
-        answer(unit, nominal, value, value * estimate.deviation)
+        answer(unit, nominal, value, value)
     };
-    let shifted = |unit, nominal: f64, scale: f64| {
-        answer(unit, nominal, nominal + estimate.value * scale, estimate.deviation * scale)
-    };
+    let shifted =
+        |unit, nominal: f64, scale: f64| answer(unit, nominal, nominal + estimate.value * scale, scale);
     let manipulator = &nominal.manipulator;
     match estimate.parameter {
         Parameter::Modulus { .. } => match only_modulus(nominal, &estimate.name) {

@@ -1,7 +1,8 @@
 //! Estimates as a TOML file that extends the configuration they were made from.
 //!
-//! Tables merge key by key, so that of a table only what was estimated is written. Arrays of tables replace as a whole:
-//! all coils are written where a gain was free, all parts where a moment was, or a stiffness that stands in a part.
+//! Tables merge key by key, so that of a table only what was estimated is written. Arrays of tables replace
+//! as a whole: all coils are written where a gain was free, all parts where a moment was, or a stiffness
+//! that stands in a part.
 
 use std::path::Path;
 
@@ -65,14 +66,15 @@ fn head(subject: &Subject, found: &Identified, request: &IdentifyRequest) -> Str
     if let (Some(before), Some(after)) = (found.rms_before.angle, found.rms_after.angle) {
         text += &format!("; RMS of tangents {:.3} -> {:.3} deg", before.to_degrees(), after.to_degrees());
     }
-    text += "\n#\n# nominal -> estimate +- standard deviation (deviation after the data over that before)\n";
+    text += "\n#\n# nominal -> estimate +- standard deviation, by samples (deviation after the data over that before)\n";
     for parameter in parameters(subject, found) {
         text += &format!(
-            "# {}: {:.5} -> {:.5} +- {:.5} {} ({:.3})\n",
+            "# {}: {:.5} -> {:.5} +- {:.5}, {:.5} {} ({:.3})\n",
             parameter.name.replace(['\n', '\r'], " "),
             parameter.nominal,
             parameter.estimate,
             parameter.standard_deviation,
+            parameter.standard_deviation_between_samples,
             parameter.unit,
             parameter.posterior_over_prior
         );

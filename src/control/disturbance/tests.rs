@@ -48,8 +48,8 @@ fn bias_deg(disturbance: &Disturbance) -> [f64; 2] {
     [0, 1].map(|magnet| disturbance.bias()[magnet][1].to_degrees())
 }
 
-/// Goal: a lasting difference is learnt with the time constant, to the last, whatever the sensor's rate; corrected predictions are then
-/// what is measured.
+/// Goal: a lasting difference is learnt with the time constant, to the last, whatever the sensor's rate;
+/// corrected predictions are then what is measured.
 #[test]
 fn lasting_differences_are_learnt_with_the_time_constant() {
     for every in [5, 33] {
@@ -72,8 +72,8 @@ fn lasting_differences_are_learnt_with_the_time_constant() {
     }
 }
 
-/// Goal: a rod that answers as its mode, seen late, has no bias however it swings; compared with a prediction of another moment
-/// it would seem to have one of several degrees.
+/// Goal: a rod that answers as its mode, seen late, has no bias however it swings; compared with a prediction
+/// of another moment it would seem to have one of several degrees.
 #[test]
 fn a_swinging_rod_seen_late_has_no_bias() {
     for age_cycles in [5, 60, 200] {
@@ -116,8 +116,8 @@ fn unseen_magnets_keep_their_bias() {
     assert!((first - 5.0).abs() < 1e-3 && (second - 2.0).abs() < 1e-9, "{first} {second}");
 }
 
-/// Goal: a sensor that lies by 90 degrees for 20 ms, or is silent for a second and then wrong once, moves the estimate by no more than what is
-/// credible would.
+/// Goal: a sensor that lies by 90 degrees for 20 ms, or is silent for a second and then wrong once, moves the
+/// estimate by no more than what is credible would.
 #[test]
 fn jumps_and_pauses_move_the_estimate_little() {
     let mut disturbance = Disturbance::new(&config(), 2);
@@ -147,7 +147,7 @@ fn a_model_astray_teaches_nothing() {
     let mut disturbance = Disturbance::new(&config(), 2);
     predict(&mut disturbance, [90.0, 90.0], PERIOD);
     disturbance.learn(&pose([90.0, 90.0], [1, 1]), 0.0);
-    let astray = Prediction { tangents: &tangents([60.0, 90.0]), converged: false, period: PERIOD };
+    let astray = Prediction { tangents: &tangents([89.0, 90.0]), converged: false, period: PERIOD };
     for _ in 0..50 {
         disturbance.predict(&astray);
         disturbance.learn(&pose([95.0, 90.0], [1, 1]), 0.0);
@@ -160,6 +160,31 @@ fn a_model_astray_teaches_nothing() {
     (0..20).for_each(|_| predict(&mut disturbance, [90.0, 90.0], PERIOD));
     disturbance.learn(&pose([95.0, 90.0], [1, 1]), 0.03);
     assert!(bias_deg(&disturbance)[0] > 0.1);
+}
+
+/// Goal: predictions that leap back and forth, as those of an angle that is measured wrongly, neither teach
+/// nor are steered by; what moves as fast as a rod may and with the noise of currents does.
+#[test]
+fn leaping_predictions_are_not_steered_by() {
+    let mut disturbance = Disturbance::new(&config(), 2);
+    predict(&mut disturbance, [90.0, 90.0], PERIOD);
+    disturbance.learn(&pose([91.0, 90.0], [1, 1]), 0.0);
+    for number in 0..200 {
+        let noise = if number % 2 == 0 { 0.3 } else { -0.3 };
+        predict(&mut disturbance, [90.0 + 0.4 * f64::from(number) + noise, 90.0], PERIOD);
+        assert!(disturbance.is_sound(), "{number}");
+    }
+    let before = bias_deg(&disturbance);
+    for number in 0..200 {
+        predict(&mut disturbance, [170.0, if number % 2 == 0 { 60.0 } else { 120.0 }], PERIOD);
+        disturbance.learn(&pose([170.0, 90.0], [1, 1]), 0.0);
+        assert!(!disturbance.is_sound());
+    }
+    assert_eq!(bias_deg(&disturbance), before);
+    (0..99).for_each(|_| predict(&mut disturbance, [170.0, 120.0], PERIOD));
+    assert!(!disturbance.is_sound());
+    (0..3).for_each(|_| predict(&mut disturbance, [170.0, 120.0], PERIOD));
+    assert!(disturbance.is_sound());
 }
 
 /// Goal: the mode's answer is that of the equation, in one period or in many.
@@ -178,7 +203,8 @@ fn the_modes_answer_does_not_depend_on_the_period() {
     for period in [1e-3, 1e-2, 0.1] {
         assert!((answer(period) - expected).norm() < 1e-12, "{period}");
     }
-    // Seen 0.1 s after a step of 5 degrees: 1 - exp(-z w t) (cos + z / sqrt(1 - z^2) sin)(w sqrt(1 - z^2) t) = 1.398.
+    // Seen 0.1 s after a step of 5 degrees: 1 - exp(-z w t) (cos + z / sqrt(1 - z^2) sin)(w sqrt(1 - z^2) t)
+    // = 1.398.
     let turned = angle_between(&expected, &tangent(90.0)).to_degrees();
     let (decay, phase) =
         ((-0.2_f64 * 0.8 * std::f64::consts::PI).exp(), 0.8 * std::f64::consts::PI * 0.96_f64.sqrt());

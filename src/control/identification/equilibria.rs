@@ -73,8 +73,8 @@ impl<'a> Model<'a> {
         })
     }
 
-    /// The stable equilibrium at a sample, near an earlier one where there is one, else the one that is reached
-    /// from rest; `None` when there is none.
+    /// The stable equilibrium at a sample, near an earlier one where there is one, else the one that is
+    /// reached from rest; `None` when there is none.
     pub fn at(&mut self, sample: &Sample, near: Option<&Modelled>) -> Option<Modelled> {
         let coils = self.description.coils.len();
         let posed = self.array.posed(&sample.actuation.angle_rad[..self.description.frames.len()]);

@@ -1,14 +1,15 @@
 //! Equilibria worth measuring: random currents and angles that the rod bears.
 //!
-//! **Problem.** Parameters show where the rod is bent by all coils and in all directions, near to what it will be asked
-//! to do. Currents drawn at random snap it through, now or on the way.
+//! **Problem.** Parameters show where the rod is bent by all coils and in all directions, near to what it
+//! will be asked to do. Currents drawn at random snap it through, now or on the way.
 //!
-//! **Method.** Each draw is uniform within a share of every range. It is taken when the model reaches its equilibrium
-//! from rest without losing stability, and also along the straight line from the draw before, by the same branch; when the
-//! determinant of the residual's Jacobian (1 at rest, 0 where the rod snaps through) stays above a margin all along;
-//! when every magnet stays where the field model holds; and when a quarter more current would turn no magnet far: so a rod
-//! that is softer or more magnetic than the model by some ten percent bears the draw as well. A draw that fails is
-//! lessened towards zero currents, then another one is made. The same seed gives the same draws.
+//! **Method.** Each draw is uniform within a share of every range. It is taken when the model reaches its
+//! equilibrium from rest without losing stability, and also along the straight line from the draw before,
+//! by the same branch; when the determinant of the residual's Jacobian (1 at rest, 0 where the rod snaps
+//! through) stays above a margin all along; when every magnet stays where the field model holds; and when a
+//! quarter more current would turn no magnet far: so a rod that is softer or more magnetic than the model
+//! by some ten percent bears the draw as well. A draw that fails is lessened towards zero currents, then
+//! another one is made. The same seed gives the same draws.
 
 use magsteer_hal::{Actuation, HardwareDescription};
 use nalgebra::{Vector3, Vector6};
@@ -21,11 +22,13 @@ use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
 const WAYPOINTS: u32 = 12;
 /// Factor on a draw that failed, and how often it is applied before another draw is made.
 const LESSENED: (f64, u32) = (0.7, 6);
-/// Factor on all currents under which a draw must be stable too, and the angle by which it may turn a magnet, rad.
+/// Factor on all currents under which a draw must be stable too, and the angle by which it may turn a
+/// magnet, rad.
 const OVERLOAD: (f64, f64) = (1.25, 0.26);
 /// Draws for each equilibrium that is wanted, on the average, before giving up.
 const DRAWS_MAX: usize = 50;
-/// Angle by which tangents reached by two ways may differ, rad: of the tolerance of a solve, not of another branch.
+/// Angle by which tangents reached by two ways may differ, rad: of the tolerance of a solve, not of another
+/// branch.
 const SAME_BRANCH: f64 = 1e-4;
 
 /// What is drawn.
@@ -55,7 +58,8 @@ pub struct TooFewSafe {
     pub draws: usize,
 }
 
-/// Draws equilibria, each to be reached from the one before, the first from rest, by changing everything in proportion.
+/// Draws equilibria, each to be reached from the one before, the first from rest, by changing everything in
+/// proportion.
 ///
 /// # Errors
 /// When too few draws are safe.
@@ -155,7 +159,8 @@ impl<'a> Drawer<'a> {
         solution.converged() && !solution.lost_stability && self.is_stable(&self.rest)
     }
 
-    /// True when the way from an equilibrium is stable, and ends within an angle of the one reached from rest last.
+    /// True when the way from an equilibrium is stable, and ends within an angle of the one reached from
+    /// rest last.
     fn is_reached_along(
         &mut self,
         from: &Actuation,

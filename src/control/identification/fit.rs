@@ -11,23 +11,26 @@
 //! minimise  sum rho(|r|) + |y|^2       rho(z) = z^2 below k, 2 k z - k^2 beyond              (f1)
 //! step      [J; 1; sqrt(lambda) D] dy = [r; -y; 0] in least squares                          (f2)
 //! after     C = (J'J + 1)^-1                                                                 (f3)
+//! between   S = C (f sum g g' + 1) C,  g = J'r of one of N samples,  f = N/(N - 1) n/(n - p)    (f4)
 //! ```
-//! The residual of a tangent is the chord from the modelled to the measured one: as long as their angle to first order, with
-//! nothing along the tangent itself, so that it counts as the two rows of the tangent plane; and unlike coordinates of that
+//! (f4) is the covariance of White (Econometrica 48, 1980) with samples as clusters, n equations and p
+//! parameters that they determine, and the prior's share beside. The residual of a tangent is the chord
+//! from the modelled to the measured one: as long as their angle to first order, with nothing along the
+//! tangent itself, so that it counts as the two rows of the tangent plane; and unlike coordinates of that
 //! plane smooth all over, so that a tangent the wrong way round is far off and harmless.
 //!
-//! (f2) is solved by orthogonal factors, never by J'J: what the data leave to the prior would drown there in rounding.
+//! (f2) is solved by orthogonal factors, never by J'J: what the data leave to the prior would drown there
+//! in rounding.
 
 use magsteer_hal::config::HardwareConfig;
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::math::angle_between;
 use crate::rod::RodConfig;
 
 use super::IdentifyRequest;
 use super::equilibria::{Model, Modelled};
 use super::error::IdentifyError;
-use super::found::{Estimate, Identified, Outlier, Rms, Undetermined};
+use super::found::Identified;
 use super::noise::{Deviations, Left};
 use super::parameters::Parameters;
 use super::sample::{Quantity, Sample};
@@ -46,11 +49,6 @@ const ROUNDS: [usize; 2] = [4, 12];
 const NOISE_SETTLED: f64 = 1e-2;
 /// Times that samples without an equilibrium are tried again with better parameters.
 const RETRIES_MAX: usize = 3;
-/// Deviation after the data over that before, above which a direction is left to the prior.
-const RATIO_UNDETERMINED: f64 = 0.5;
-/// Least share of a parameter in a direction that is worth naming.
-const SHARE_NAMED: f64 = 0.2;
-
 /// How the search is getting on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Iteration {
@@ -60,7 +58,8 @@ pub struct Iteration {
     pub objective: f64,
 }
 
-/// Estimates the free parameters of the rig of `hardware`, modelled on the mesh of `rod`. `progress` hears of every step.
+/// Estimates the free parameters of the rig of `hardware`, modelled on the mesh of `rod`. `progress` hears
+/// of every step.
 ///
 /// # Errors
 /// Too few samples, nothing to estimate, samples that the model does not bear.
@@ -105,33 +104,34 @@ fn check_count(parameters: &Parameters, samples: &[Sample]) -> Result<(), Identi
 }
 
 /// One block: where it stands, its residual and derivatives, unweighted, in SI.
-struct Block {
-    sample: usize,
-    magnet: usize,
-    quantity: Quantity,
-    residual: Vector3<f64>,
-    derivatives: Vec<Vector3<f64>>,
+pub(super) struct Block {
+    pub sample: usize,
+    pub magnet: usize,
+    pub quantity: Quantity,
+    pub residual: Vector3<f64>,
+    pub derivatives: Vec<Vector3<f64>>,
 }
 
 /// A least-squares problem (f2), reduced to its triangle.
-struct Triangle {
-    factor: DMatrix<f64>,
+pub(super) struct Triangle {
+    pub factor: DMatrix<f64>,
     right: DVector<f64>,
     /// Norms of the columns.
     scale: DVector<f64>,
 }
 
-struct Fit<'a> {
-    parameters: &'a Parameters,
-    rod: &'a RodConfig,
-    samples: &'a [Sample],
-    outlier_sigma: f64,
-    deviations: Deviations,
-    values: Vec<f64>,
+/// A search under way.
+pub(super) struct Fit<'a> {
+    pub parameters: &'a Parameters,
+    pub rod: &'a RodConfig,
+    pub samples: &'a [Sample],
+    pub outlier_sigma: f64,
+    pub deviations: Deviations,
+    pub values: Vec<f64>,
     /// `None` for samples that are not used.
-    modelled: Vec<Option<Modelled>>,
-    nominal: Vec<Option<Modelled>>,
-    iterations: usize,
+    pub modelled: Vec<Option<Modelled>>,
+    pub nominal: Vec<Option<Modelled>>,
+    pub iterations: usize,
 }
 
 impl<'a> Fit<'a> {
@@ -189,7 +189,6 @@ impl<'a> Fit<'a> {
     fn descend(&mut self, progress: &mut impl FnMut(&Iteration)) -> Result<bool, IdentifyError> {
         let mut damping = DAMPING[0];
         let mut blocks = self.blocks(&self.modelled);
-        let mut objective = self.objective(&blocks, &self.values);
         for _ in 0..ITERATIONS_MAX {
             let triangle = self.triangle(&blocks, true);
             let full = triangle.step(0.0);
@@ -206,19 +205,22 @@ impl<'a> Fit<'a> {
                     .zip(self.parameters.deviations())
                     .map(|((value, step), deviation)| value + step * deviation)
                     .collect();
-                if let Some(modelled) = self.model_all(&values)? {
-                    let blocks = self.blocks(&modelled);
-                    let lower = self.objective(&blocks, &values);
-                    if lower < objective {
-                        break Some((values, modelled, blocks, lower));
+                let modelled = self.model_all(&values)?;
+                if self.are_enough(&modelled) {
+                    let new = self.blocks(&modelled);
+                    let lower = self.objective(&new, &values);
+                    // Only what both have is compared: to lose a sample is no gain.
+                    blocks.retain(|block| modelled[block.sample].is_some());
+                    if lower < self.objective(&blocks, &self.values) {
+                        break Some((values, modelled, new, lower));
                     }
                 }
                 damping = (damping * 8.0).max(1e-6);
             };
-            let Some((values, modelled, new, lower)) = accepted else {
+            let Some((values, modelled, new, objective)) = accepted else {
                 return Ok(left < STEP_ROUNDING);
             };
-            (self.values, self.modelled, blocks, objective) = (values, modelled, new, lower);
+            (self.values, self.modelled, blocks) = (values, modelled, new);
             damping = if damping < 1e-9 { 0.0 } else { damping / 8.0 };
             self.iterations += 1;
             progress(&Iteration { number: self.iterations, objective });
@@ -227,19 +229,16 @@ impl<'a> Fit<'a> {
         Ok((&triangle.factor * triangle.step(0.0)).norm() < STEP_ROUNDING)
     }
 
-    /// Equilibria of all samples in use; `None` when one of them has none with these values.
-    fn model_all(&self, values: &[f64]) -> Result<Option<Vec<Option<Modelled>>>, IdentifyError> {
+    /// Equilibria of all samples in use; `None` for one that has none with these values.
+    fn model_all(&self, values: &[f64]) -> Result<Vec<Option<Modelled>>, IdentifyError> {
         let mut model = Model::new(self.parameters, self.rod, values)?;
-        let mut all = Vec::with_capacity(self.samples.len());
-        for (sample, known) in self.samples.iter().zip(&self.modelled) {
-            let Some(known) = known else {
-                all.push(None);
-                continue;
-            };
-            let Some(found) = model.at(sample, Some(known)) else { return Ok(None) };
-            all.push(Some(found));
-        }
-        Ok(Some(all))
+        let all = self.samples.iter().zip(&self.modelled);
+        Ok(all.map(|(sample, known)| model.at(sample, Some(known.as_ref()?))).collect())
+    }
+
+    /// True unless so many samples have no equilibrium that the model cannot be right.
+    fn are_enough(&self, modelled: &[Option<Modelled>]) -> bool {
+        2 * modelled.iter().flatten().count() >= self.samples.len()
     }
 
     /// Tries samples that had no equilibrium with the present values; true when one has one now.
@@ -258,7 +257,7 @@ impl<'a> Fit<'a> {
         Ok(any)
     }
 
-    fn blocks(&self, modelled: &[Option<Modelled>]) -> Vec<Block> {
+    pub(super) fn blocks(&self, modelled: &[Option<Modelled>]) -> Vec<Block> {
         let mut blocks = Vec::new();
         for (index, (sample, modelled)) in self.samples.iter().zip(modelled).enumerate() {
             let Some(modelled) = modelled else { continue };
@@ -283,7 +282,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Norm of a block in noise deviations.
-    fn sigma(&self, block: &Block) -> f64 {
+    pub(super) fn sigma(&self, block: &Block) -> f64 {
         block.residual.norm() / self.deviations.values[block.quantity.index()]
     }
 
@@ -306,7 +305,7 @@ impl<'a> Fit<'a> {
     }
 
     /// The rows [J r], weighted; those of one sort, or of both.
-    fn rows(&self, blocks: &[Block], only: Option<Quantity>) -> DMatrix<f64> {
+    pub(super) fn rows(&self, blocks: &[Block], only: Option<Quantity>) -> DMatrix<f64> {
         let chosen = || blocks.iter().filter(|block| only.is_none_or(|only| only == block.quantity));
         let count = self.values.len();
         let mut matrix = DMatrix::zeros(3 * chosen().count(), count + 1);
@@ -323,7 +322,7 @@ impl<'a> Fit<'a> {
     }
 
     /// [J; 1] and [r; -y] as a triangle; without the prior's rows when not asked for.
-    fn triangle(&self, blocks: &[Block], with_prior: bool) -> Triangle {
+    pub(super) fn triangle(&self, blocks: &[Block], with_prior: bool) -> Triangle {
         let count = self.values.len();
         let data = self.rows(blocks, None);
         let first = data.nrows();
@@ -347,7 +346,7 @@ impl<'a> Fit<'a> {
     }
 
     /// (f3), in prior deviations.
-    fn covariance(&self, blocks: &[Block]) -> DMatrix<f64> {
+    pub(super) fn covariance(&self, blocks: &[Block]) -> DMatrix<f64> {
         let count = self.values.len();
         let factor = self.triangle(blocks, true).factor;
         // The prior's rows keep every diagonal entry from vanishing.
@@ -358,7 +357,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Degrees of freedom that the parameters took of tangents and positions: the trace of J C J'.
-    fn taken(&self) -> [f64; 2] {
+    pub(super) fn taken(&self) -> [f64; 2] {
         let blocks = self.blocks(&self.modelled);
         let covariance = self.covariance(&blocks);
         [Quantity::Tangent, Quantity::Position].map(|quantity| {
@@ -366,103 +365,6 @@ impl<'a> Fit<'a> {
             let jacobian = rows.columns(0, self.values.len());
             (jacobian * &covariance).component_mul(&jacobian).sum()
         })
-    }
-
-    fn report(&self, converged: bool) -> Result<Identified, IdentifyError> {
-        let blocks = self.blocks(&self.modelled);
-        let scaled = self.covariance(&blocks);
-        let deviations = self.parameters.deviations();
-        let estimates = (0..self.values.len()).map(|index| Estimate {
-            parameter: self.parameters.free()[index],
-            name: self.parameters.names()[index].clone(),
-            value: self.values[index],
-            deviation: scaled[(index, index)].sqrt() * deviations[index],
-            prior_deviation: deviations[index],
-        });
-        let covariance = DMatrix::from_fn(scaled.nrows(), scaled.ncols(), |row, column| {
-            scaled[(row, column)] * deviations[row] * deviations[column]
-        });
-        let believed: Vec<&Block> =
-            blocks.iter().filter(|block| self.sigma(block) <= self.outlier_sigma).collect();
-        let weighted = |block: &Block| {
-            let z = self.sigma(block);
-            z * z * (self.outlier_sigma / z).min(1.0)
-        };
-        let equations: usize = blocks.iter().map(|block| block.quantity.rows()).sum();
-        let lost = self.modelled.iter().enumerate().filter(|(_, modelled)| modelled.is_none());
-        Ok(Identified {
-            estimates: estimates.collect(),
-            covariance,
-            hardware: self.parameters.applied(&self.values),
-            converged,
-            iterations: self.iterations,
-            noise: self.deviations.values,
-            chi_square: blocks.iter().map(weighted).sum(),
-            degrees_of_freedom: equations as f64 - self.taken().iter().sum::<f64>(),
-            rms_before: self.rms(&believed, &self.nominal),
-            rms_after: self.rms(&believed, &self.modelled),
-            outliers: self.outliers(&blocks),
-            lost: lost.map(|(sample, _)| sample).collect(),
-            undetermined: self.undetermined(&blocks),
-        })
-    }
-
-    fn outliers(&self, blocks: &[Block]) -> Vec<Outlier> {
-        let of = |block: &Block| Outlier {
-            sample: block.sample,
-            magnet: block.magnet,
-            quantity: block.quantity,
-            sigma: self.sigma(block),
-        };
-        let mut outliers: Vec<Outlier> =
-            blocks.iter().map(of).filter(|outlier| outlier.sigma > self.outlier_sigma).collect();
-        outliers.sort_by(|one, other| other.sigma.total_cmp(&one.sigma));
-        outliers
-    }
-
-    /// Distances of model and measurement where both are known.
-    fn rms(&self, blocks: &[&Block], modelled: &[Option<Modelled>]) -> Rms {
-        let of = |quantity: Quantity| {
-            let chosen = blocks.iter().filter(|block| block.quantity == quantity);
-            let squares: Vec<f64> = chosen
-                .filter_map(|block| {
-                    let model = &modelled[block.sample].as_ref()?.magnets[block.magnet];
-                    let reading = self.samples[block.sample].magnets[block.magnet]?;
-                    let distance = match quantity {
-                        Quantity::Tangent => angle_between(&reading.tangent, &model.tangent),
-                        Quantity::Position => (reading.position? - model.position).norm(),
-                    };
-                    Some(distance * distance)
-                })
-                .collect();
-            (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
-        };
-        Rms { angle: of(Quantity::Tangent), distance: of(Quantity::Position) }
-    }
-
-    /// Directions in which the data say little: the right singular vectors of J with small singular values s, along
-    /// which (f3) leaves `1 / sqrt(1 + s^2)` of the prior's deviation.
-    fn undetermined(&self, blocks: &[Block]) -> Vec<Undetermined> {
-        let svd = self.triangle(blocks, false).factor.svd(false, true);
-        let Some(right) = svd.v_t else { return Vec::new() };
-        let mut found: Vec<Undetermined> = svd
-            .singular_values
-            .iter()
-            .enumerate()
-            .map(|(index, value)| (index, 1.0 / (1.0 + value * value).sqrt()))
-            .filter(|(_, ratio)| *ratio > RATIO_UNDETERMINED)
-            .map(|(index, ratio)| {
-                let row = right.row(index);
-                let largest = row[row.transpose().iamax()];
-                let share = |(parameter, share): (usize, &f64)| (parameter, share * largest.signum());
-                let mut parts: Vec<(usize, f64)> = row.iter().enumerate().map(share).collect();
-                parts.retain(|(_, share)| share.abs() >= SHARE_NAMED);
-                parts.sort_by(|one, other| other.1.abs().total_cmp(&one.1.abs()));
-                Undetermined { ratio, parts }
-            })
-            .collect();
-        found.sort_by(|one, other| other.ratio.total_cmp(&one.ratio));
-        found
     }
 }
 

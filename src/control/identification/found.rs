@@ -15,8 +15,11 @@ pub struct Estimate {
     pub name: String,
     /// Value, in the units of [`Parameter`]; nominally 0.
     pub value: f64,
-    /// Its standard deviation after the data.
+    /// Its standard deviation after the data, for noise that is independent and as large everywhere.
     pub deviation: f64,
+    /// The same from how much the samples disagree: holds also where the model misses something, which
+    /// pulls all that was measured of one sample together, and of some samples more than of others.
+    pub deviation_between_samples: f64,
     /// Its standard deviation before them.
     pub prior_deviation: f64,
 }

@@ -1,8 +1,8 @@
 //! The noise of tangents and positions: stated, or what a fit leaves.
 //!
-//! Deviations that are not stated are taken from the residuals: at first from their median, which half the data cannot
-//! spoil, in the end from the squares of all blocks that are no outliers, over their degrees of freedom. What the model
-//! cannot follow counts as noise.
+//! Deviations that are not stated are taken from the residuals: at first from their median, which half the
+//! data cannot spoil, in the end from the squares of all blocks that are no outliers, over their degrees of
+//! freedom. What the model cannot follow counts as noise.
 
 use super::sample::Quantity;
 
@@ -74,8 +74,8 @@ impl Deviations {
         Self { stated, values }
     }
 
-    /// From the medians of the blocks, and no less than what is stated: while the model is still far off, all blocks would be
-    /// outliers, of which a fit finds its way slowly.
+    /// From the medians of the blocks, and no less than what is stated: while the model is still far off,
+    /// all blocks would be outliers, of which a fit finds its way slowly.
     pub fn by_medians(&self, left: &[Left]) -> Self {
         self.with(|index, quantity| {
             let mut squares: Vec<f64> =
@@ -86,8 +86,8 @@ impl Deviations {
         })
     }
 
-    /// What is stated, and the rest from the squares of all but outliers; `taken` are the degrees of freedom that the
-    /// parameters took of each sort.
+    /// What is stated, and the rest from the squares of all but outliers; `taken` are the degrees of
+    /// freedom that the parameters took of each sort.
     pub fn by_squares(&self, left: &[Left], taken: [f64; 2]) -> Self {
         self.with(|index, quantity| {
             if let Some(stated) = self.stated[index] {

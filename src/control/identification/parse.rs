@@ -8,8 +8,8 @@
 //! | or `NAME_qx`, `NAME_qy`, `NAME_qz`, `NAME_qw` | its orientation: the unit quaternion that turns body z to the tangent |
 //! | `NAME_x_m`, `NAME_y_m`, `NAME_z_m` | its centre, m, world; may be left out |
 //!
-//! One line an equilibrium. Columns may stand in any order. A magnet may be left out of the file, or of a line by empty
-//! cells. Blank lines and lines that start with `#` are passed over.
+//! One line an equilibrium. Columns may stand in any order. A magnet may be left out of the file, or of a
+//! line by empty cells. Blank lines and lines that start with `#` are passed over.
 
 use magsteer_hal::{Actuation, HardwareDescription};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};

@@ -1,7 +1,8 @@
 //! Units that were mixed up and values that the rig cannot have, found before they become parameters.
 //!
-//! A current beyond its coil's limit, an angle beyond its frame's range, a magnet farther from the clamp than the rod is
-//! long: each is refused by its line, and where a common slip of units would explain it, that is said.
+//! A current beyond its coil's limit, an angle beyond its frame's range, a magnet farther from the clamp
+//! than the rod is long: each is refused by its line, and where a common slip of units would explain it,
+//! that is said.
 
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::description::PartDescription;
@@ -62,7 +63,8 @@ pub fn check_units(samples: &Samples, rig: &HardwareDescription) -> Result<(), R
     Ok(())
 }
 
-/// True when the angles of a file could be radians under a header in degrees: all small, and not all nearly zero.
+/// True when the angles of a file could be radians under a header in degrees: all small, and not all nearly
+/// zero.
 #[must_use]
 pub fn may_be_radians(samples: &Samples, rig: &HardwareDescription) -> bool {
     let angles = samples.samples.iter().flat_map(|sample| &sample.actuation.angle_rad[..rig.frames.len()]);

@@ -23,9 +23,12 @@ mod config;
 mod expected_power;
 mod planner;
 mod route;
+mod search;
+mod targets;
 mod walker;
 
 pub use config::{PlanConfig, SETTINGS_MAX};
 pub use expected_power::ExpectedPower;
 pub use planner::{Plan, Planner, Standing, Unreached};
+pub use targets::{Targets, draw_direction, draw_targets, parse_targets, target_columns};
 pub use walker::{Advance, Bounds, Obstacle, Posture, Walk, Walked, Walker, Waypoint};

@@ -15,13 +15,16 @@ use crate::control::config::{ControlConfig, FrameUse};
 use crate::control::cycle::{Directions, exact_rows};
 use crate::control::error::{OrientationError, OrientationErrorKind};
 use crate::control::model::Model;
+use crate::control::reference::ReferenceTarget;
 use crate::math::{along_great_circle, angle_between, logarithm};
 use crate::rod::Manipulator;
 
 /// Greatest turn of a magnet between two stations of a walk, rad: some percent of what changes the Jacobian.
 const MAGNET_STEP: f64 = 5.0_f64.to_radians();
-/// Greatest turn of a frame between two stations, rad.
-const FRAME_STEP: f64 = 10.0_f64.to_radians();
+/// By how much farther a frame turns than a magnet.
+const FRAME_RATIO: f64 = 2.0;
+/// Disturbance of (p1), which scouts compare nothing by, rad.
+const SCOUT_DISTURBANCE: f64 = 0.05;
 /// Error below which a station on the way is left for the next, rad.
 const ERROR_ON_THE_WAY: f64 = 0.5_f64.to_radians();
 /// Allocations spent on one station before it counts as out of reach.
@@ -42,6 +45,14 @@ pub struct Waypoint {
     pub directions: Directions,
     /// Frame angles, rad.
     pub frame_angles: [f64; POSE_PARAMETERS_MAX],
+}
+
+impl Waypoint {
+    /// The same as a target of the loop.
+    #[must_use]
+    pub fn target(&self) -> ReferenceTarget {
+        ReferenceTarget { directions: self.directions, frame_angles: Some(self.frame_angles) }
+    }
 }
 
 /// What a walk must not exceed.
@@ -78,6 +89,15 @@ impl Obstacle {
             Self::OutsideField => "a magnet leaves the range of the field model",
         }
     }
+}
+
+/// Why a walk ended before its goal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Stop {
+    /// By an obstacle, after a share of the way.
+    Obstacle(Obstacle, f64),
+    /// Because nobody cared for it any more.
+    Dropped,
 }
 
 /// How a walk went: extremes over its stations.
@@ -159,6 +179,11 @@ impl Walk {
         f64::from(self.station) / f64::from(self.stations)
     }
 
+    /// True between two stations' ends: the last step reached one.
+    const fn is_at_station(&self) -> bool {
+        self.effort.arrived && self.station > 0
+    }
+
     /// Extremes over the stations so far.
     #[must_use]
     pub const fn walked(&self) -> Walked {
@@ -185,6 +210,8 @@ pub struct Walker {
     allocation: Allocation,
     expected: ExpectedPower,
     at: Present,
+    /// Greatest turn of a magnet between two stations, rad.
+    magnet_step: f64,
     magnets: usize,
     coils: usize,
     frames: usize,
@@ -203,23 +230,28 @@ impl Walker {
     ) -> Self {
         // What the law does not do, a walk does not do.
         let share = |rate: f64| if rate > 0.0 { NULL_SPACE_SHARE } else { 0.0 };
-        let shares = [control.current_release_per_s, control.stability_rate_per_s].map(share);
+        let shares = [control.current_release_per_s, control.determinant_rate_per_s].map(share);
         Self::with_shares(shares, control, description, manipulator, disturbance)
     }
 
-    /// As [`Self::new`], with the tasks in the null space in the proportion that they have in the loop: what a walk passes through
-    /// is then where the loop passes, while [`Self::new`] lets currents come to rest in fewer allocations.
+    /// As [`Self::new`], in finer steps of `station` (rad) and with the tasks in the null space in the proportion that they have in the
+    /// loop: it passes where the loop passes, at the price of more steps.
     #[must_use]
-    pub fn in_proportion(
+    pub fn for_scout(
+        station: f64,
         control: &ControlConfig,
         description: &HardwareDescription,
         manipulator: Manipulator,
-        disturbance: f64,
     ) -> Self {
-        let rates = [control.current_release_per_s, control.stability_rate_per_s];
+        let rates = [control.current_release_per_s, control.determinant_rate_per_s];
         let most = rates[0].max(rates[1]).max(f64::MIN_POSITIVE);
-        let shares = rates.map(|rate| rate / most * NULL_SPACE_SHARE);
-        Self::with_shares(shares, control, description, manipulator, disturbance)
+        let finer = (station / MAGNET_STEP).min(1.0);
+        let shares = rates.map(|rate| rate / most * NULL_SPACE_SHARE * finer);
+        let disturbance = SCOUT_DISTURBANCE;
+        Self {
+            magnet_step: station,
+            ..Self::with_shares(shares, control, description, manipulator, disturbance)
+        }
     }
 
     /// `shares` of currents released and of margin regained in one allocation.
@@ -238,7 +270,7 @@ impl Walker {
         let hurried = ControlConfig {
             frame_angles: FrameUse::Hold,
             current_release_per_s: release,
-            stability_rate_per_s: regained,
+            determinant_rate_per_s: regained,
             ..control.clone()
         };
         let mut stepped = description.clone();
@@ -247,6 +279,7 @@ impl Walker {
         model.follow(&Actuation::default());
         Self {
             at: model.present(),
+            magnet_step: MAGNET_STEP,
             model,
             error: OrientationError::new(OrientationErrorKind::TangentPlane, &base),
             allocation: Allocation::new(&hurried, &stepped, 2 * magnets),
@@ -268,7 +301,7 @@ impl Walker {
         Posture {
             present: self.at,
             directions,
-            margin: self.model.margin(),
+            margin: self.model.stability().margin,
             expected,
             condition: self.expected.condition(),
         }
@@ -326,12 +359,30 @@ impl Walker {
     /// # Errors
     /// What ended it, and after what share of the way.
     pub fn walk(&mut self, goal: &Waypoint, bounds: &Bounds) -> Result<Walked, (Obstacle, f64)> {
+        self.walk_while(goal, bounds, |_| true).map_err(|stop| match stop {
+            Stop::Obstacle(obstacle, share) => (obstacle, share),
+            // Nothing drops a walk that is always wanted.
+            Stop::Dropped => (Obstacle::OutOfReach, 0.0),
+        })
+    }
+
+    /// As [`Self::walk`], as long as what was walked so far is wanted.
+    pub(super) fn walk_while(
+        &mut self,
+        goal: &Waypoint,
+        bounds: &Bounds,
+        wanted: impl Fn(&Walked) -> bool,
+    ) -> Result<Walked, Stop> {
         let mut walk = self.set_out(goal, bounds);
         loop {
             match self.advance(&mut walk) {
+                Advance::Walking if walk.is_at_station() && !wanted(&walk.walked) => {
+                    return Err(Stop::Dropped);
+                }
                 Advance::Walking => {}
-                Advance::Arrived => return Ok(walk.walked()),
-                Advance::Ended(obstacle) => return Err((obstacle, walk.share())),
+                Advance::Arrived if !wanted(&walk.walked) => return Err(Stop::Dropped),
+                Advance::Arrived => return Ok(walk.walked),
+                Advance::Ended(obstacle) => return Err(Stop::Obstacle(obstacle, walk.share())),
             }
         }
     }
@@ -374,7 +425,7 @@ impl Walker {
             return Ok(false);
         }
         let effort = &mut walk.effort;
-        if effort.allocations > 0 && self.model.margin() <= 0.0 {
+        if effort.allocations > 0 && self.model.stability().unstable_modes > 0 {
             return Err(Obstacle::BranchEnds);
         }
         let last = walk.station >= walk.stations;
@@ -423,10 +474,10 @@ impl Walker {
     /// How many stations a way has.
     fn stations(&self, from: &Waypoint, to: &Waypoint) -> u32 {
         let magnets = from.directions.iter().zip(&to.directions).take(self.magnets);
-        let turns =
-            magnets.map(|(from, to)| angle_between(&Vector3::from(*from), &Vector3::from(*to)) / MAGNET_STEP);
+        let turns = magnets
+            .map(|(from, to)| angle_between(&Vector3::from(*from), &Vector3::from(*to)) / self.magnet_step);
         let frames = from.frame_angles.iter().zip(&to.frame_angles).take(self.frames);
-        let turned = frames.map(|(from, to)| (to - from).abs() / FRAME_STEP);
+        let turned = frames.map(|(from, to)| (to - from).abs() / (FRAME_RATIO * self.magnet_step));
         (turns.chain(turned).fold(0.0, f64::max).ceil() as u32).max(1)
     }
 
@@ -474,8 +525,8 @@ impl Walker {
             step: &self.step,
             admitted: &self.at.actuation,
             period: 1.0,
-            margin: self.model.margin(),
-            margin_gradient: self.model.margin_gradient(),
+            determinant: self.model.determinant(),
+            determinant_gradient: self.model.determinant_gradient(),
             frame_angles: None,
         });
         let increment = &self.allocation.increment()[..self.coils];

@@ -5,9 +5,10 @@
 //! | `T` | time constant, s |
 //! | `E` | `exp(-period / T)` |
 //!
-//! Over a period in which the input goes evenly from `x0` to `x1`, a lag comes to `E y + a x0 + b x1` with `b = 1 - (1 - E) T / period` and `a = 1 - E - b`:
-//! exact, whatever the period. The weights are positive, so that the output never leaves what the input spans: it neither overshoots nor is
-//! faster or accelerated more than the input. On the sphere the weighted mean is taken along great circles, two at a time.
+//! Over a period in which the input goes evenly from `x0` to `x1`, a lag comes to `E y + a x0 + b x1` with `b
+//! = 1 - (1 - E) T / period` and `a = 1 - E - b`: exact, whatever the period. The weights are positive, so
+//! that the output never leaves what the input spans: it neither overshoots nor is faster or accelerated more
+//! than the input. On the sphere the weighted mean is taken along great circles, two at a time.
 
 use nalgebra::Vector3;
 

@@ -1,4 +1,5 @@
-//! A path to a target on which everything moves within its limits, along one straight way, and arrives together.
+//! A path to a target on which everything moves within its limits, along one straight way, and arrives
+//! together.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -7,13 +8,16 @@
 //! | `d` | `max_i norm(g_i) / A_i`: what is left, as the time squared that the slowest to brake needs, s^2 |
 //! | `q` | rate at which everything that is left is to shrink, 1/s |
 //!
-//! Method: every coordinate wants the velocity `q g_i`, with one `q` for all: `q d = sqrt(2 d - e^2)`, which is braking at the limit, below
-//! `d = e^2` the tangent `d / e`, and never more than `1 / max_i (norm(g_i) / V_i)`. Velocities change towards that by one common share of the difference,
-//! the largest that keeps every `A_i`. From rest all velocities therefore stay proportional to what is left: the way is straight
-//! and ends for all at once. A new target changes what is wanted and no velocity. The share leaves a coordinate that is turned back less than
-//! its own limit while another turns farther: all limits hold, and the way bends smoothly into the new one.
+//! Method: every coordinate wants the velocity `q g_i`, with one `q` for all: `q d = sqrt(2 d - e^2)`, which
+//! is braking at the limit, below `d = e^2` the tangent `d / e`, and never more than `1 / max_i (norm(g_i) /
+//! V_i)`. Velocities change towards that by one common share of the difference, the largest that keeps every
+//! `A_i`. From rest all velocities therefore stay proportional to what is left: the way is straight and ends
+//! for all at once. A new target changes what is wanted and no velocity. The share leaves a coordinate that
+//! is turned back less than its own limit while another turns farther: all limits hold, and the way bends
+//! smoothly into the new one.
 //!
-//! For one coordinate this is the proximate time-optimal servomechanism (M. L. Workman, dissertation, Stanford 1987).
+//! For one coordinate this is the proximate time-optimal servomechanism (M. L. Workman, dissertation,
+//! Stanford 1987).
 
 use magsteer_hal::{MAGNETS_MAX, POSE_PARAMETERS_MAX};
 use nalgebra::Vector3;
@@ -21,11 +25,13 @@ use nalgebra::Vector3;
 use crate::control::cycle::Directions;
 use crate::math::{along_great_circle, logarithm};
 
-/// Time constant `e` with which the last of a way is gone, s: what makes the root's infinite slope at its end harmless.
+/// Time constant `e` with which the last of a way is gone, s: what makes the root's infinite slope at its end
+/// harmless.
 const END_TIME: f64 = 5e-3;
 /// The same at least in steps: with four the step's own recursion has its poles at 0.78 and -0.16.
 const END_STEPS: f64 = 4.0;
-/// Share of the acceleration that braking counts on; the rest is left to what discretisation and a bent way need.
+/// Share of the acceleration that braking counts on; the rest is left to what discretisation and a bent way
+/// need.
 const BRAKING_SHARE: f64 = 0.95;
 
 /// Greatest speed and acceleration of a coordinate: rad/s, rad/s^2.

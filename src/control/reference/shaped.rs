@@ -1,9 +1,10 @@
 //! The reference: a limited path, rounded off by two equal lags, with its velocity.
 //!
-//! The limited path still leaps in acceleration where it starts, cruises, brakes and ends. Two lags with time constant `T` round that off; they
-//! keep its straight way, its limits and its end. The velocity of the second lag, `log_r(x) / T` with `x` the first one's output, feeds the
-//! controller forward. A target given while on the way changes neither directions nor velocities at that moment; where a reference comes
-//! too fast for the new target to be reached without passing it, it passes it within its limits and comes back.
+//! The limited path still leaps in acceleration where it starts, cruises, brakes and ends. Two lags with time
+//! constant `T` round that off; they keep its straight way, its limits and its end. The velocity of the
+//! second lag, `log_r(x) / T` with `x` the first one's output, feeds the controller forward. A target given
+//! while on the way changes neither directions nor velocities at that moment; where a reference comes too
+//! fast for the new target to be reached without passing it, it passes it within its limits and comes back.
 
 use magsteer_hal::{HardwareDescription, MAGNETS_MAX, POSE_PARAMETERS_MAX};
 use nalgebra::Vector3;
@@ -52,7 +53,8 @@ impl Pacing {
 pub struct ReferenceTarget {
     /// Desired tangents; what is no direction leaves its magnet where it is.
     pub directions: Directions,
-    /// Goals of the frame angles, rad; `None` leaves the frames alone. With goals, directions and frames share one time scale.
+    /// Goals of the frame angles, rad; `None` leaves the frames alone. With goals, directions and frames
+    /// share one time scale.
     pub frame_angles: Option<[f64; POSE_PARAMETERS_MAX]>,
 }
 
@@ -105,7 +107,7 @@ impl Reference {
         self.steers_frames = false;
     }
 
-    /// Moves on by `period` seconds towards `target`, at most by [`PERIOD_MAX`].
+    /// Moves on by `period` seconds towards `target`, at most by 0.1 s.
     pub fn advance(&mut self, target: &ReferenceTarget, period: f64) {
         self.steers_frames = target.frame_angles.is_some();
         let period = period.min(PERIOD_MAX);

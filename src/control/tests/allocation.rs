@@ -38,7 +38,7 @@ impl Bench {
         jacobian * DMatrix::from_diagonal(&self.range)
     }
 
-    /// Allocates with a margin in plenty; increments and the count of saturated parameters.
+    /// Allocates with a determinant in plenty; increments and the count of saturated parameters.
     fn allocate(
         &mut self,
         jacobian: &DMatrix<f64>,
@@ -46,16 +46,16 @@ impl Bench {
         admitted: &Actuation,
         period: f64,
     ) -> (DVector<f64>, u32) {
-        self.allocate_at_margin(jacobian, step, admitted, period, (10.0, &[0.0; 8]))
+        self.allocate_at(jacobian, step, admitted, period, (10.0, &[0.0; 8]))
     }
 
-    fn allocate_at_margin(
+    fn allocate_at(
         &mut self,
         jacobian: &DMatrix<f64>,
         step: &[f64],
         admitted: &Actuation,
         period: f64,
-        (margin, gradient): (f64, &[f64]),
+        (determinant, gradient): (f64, &[f64]),
     ) -> (DVector<f64>, u32) {
         let by_rows: Vec<f64> = jacobian.transpose().as_slice().to_vec();
         let allocated = self.allocation.allocate(&Wish {
@@ -63,8 +63,8 @@ impl Bench {
             step,
             admitted,
             period,
-            margin,
-            margin_gradient: gradient,
+            determinant,
+            determinant_gradient: gradient,
             frame_angles: None,
         });
         (DVector::from_row_slice(self.allocation.increment()), allocated.saturated)
@@ -99,7 +99,7 @@ fn increments_never_leave_the_box_of_value_and_rate() {
                 let margin = random.random_range(-1.0..2.0);
                 let gradient = numbers(parameters, any_size(1e-3, 1e3, &mut random), &mut random);
                 let (increment, saturated) =
-                    bench.allocate_at_margin(&jacobian, &step, &admitted, period, (margin, &gradient));
+                    bench.allocate_at(&jacobian, &step, &admitted, period, (margin, &gradient));
                 at_limits += saturated;
                 for (index, change) in increment.iter().enumerate() {
                     let [least, most, rate] = limits[index];
@@ -185,11 +185,11 @@ fn held_frames_never_move_and_take_no_share() {
             let values = numbers(8, 1.0, &mut random);
             let admitted = bench.rig.actuation(&values);
             let gradient = numbers(8, 1.0, &mut random);
-            let (increment, _) = bench.allocate_at_margin(&jacobian, &step, &admitted, 0.1, (0.5, &gradient));
+            let (increment, _) = bench.allocate_at(&jacobian, &step, &admitted, 0.1, (0.5, &gradient));
             assert_eq!(increment.rows(coils, 2).amax(), 0.0);
             let mut frameless = jacobian.clone();
             frameless.columns_mut(coils, 2).fill(0.0);
-            let (alone, _) = bench.allocate_at_margin(&frameless, &step, &admitted, 0.1, (0.5, &gradient));
+            let (alone, _) = bench.allocate_at(&frameless, &step, &admitted, 0.1, (0.5, &gradient));
             assert_eq!(increment, alone);
         }
     }
@@ -229,33 +229,33 @@ fn current_release_ends_at_the_least_currents_that_hold_the_magnets() {
     }
 }
 
-/// Goal: a lost margin is regained to first order at the configured rate, without turning the magnets; a sufficient one asks for nothing.
+/// Goal: a lost determinant is regained to first order at the configured rate, without turning the magnets; a sufficient one asks for nothing.
 #[test]
-fn a_lost_margin_is_regained_without_turning_the_magnets() {
+fn a_lost_determinant_is_regained_without_turning_the_magnets() {
     let mut random = seeded(6);
     let mut bench = Bench::new(AllocationKind::Bounded, FrameUse::Steer);
-    let (wanted, rate) = (bench.rig.control.stability_margin, bench.rig.control.stability_rate_per_s);
+    let (wanted, rate) = (bench.rig.control.determinant_wanted, bench.rig.control.determinant_rate_per_s);
     let (period, none) = (1e-3, Actuation::default());
     for _ in 0..300 {
         let jacobian = bench.jacobian(&mut random);
         let gradient = DVector::from_vec(numbers(8, 1.0, &mut random));
-        let margin = wanted - random.random_range(1e-3..0.02);
+        let determinant = wanted - random.random_range(1e-3..0.02);
         let (increment, saturated) =
-            bench.allocate_at_margin(&jacobian, &[0.0; ROWS], &none, period, (margin, gradient.as_slice()));
+            bench.allocate_at(&jacobian, &[0.0; ROWS], &none, period, (determinant, gradient.as_slice()));
         assert!((&jacobian * &increment).norm() < 1e-13, "the magnets turn");
         let gained = gradient.dot(&increment);
         assert!(gained > 0.0);
         if saturated == 0 {
-            // All of the loss at the rate, less where the margin hardly depends on what is free.
+            // All of the loss at the rate, less where the determinant hardly depends on what is free.
             let scaled = bench.scaled(&jacobian);
             let seen = gradient.component_mul(&bench.range);
             let inverse = scaled.clone().pseudo_inverse(1e-9).expect("not negative");
             let slope = (&seen - inverse * (scaled * &seen)).norm_squared();
-            let expected = (wanted - margin) * rate * period * slope.min(1.0);
+            let expected = (wanted - determinant) * rate * period * slope.min(1.0);
             assert!((gained / expected - 1.0).abs() < 1e-9, "{gained} {expected}");
         }
         let (increment, _) =
-            bench.allocate_at_margin(&jacobian, &[0.0; ROWS], &none, period, (wanted, gradient.as_slice()));
+            bench.allocate_at(&jacobian, &[0.0; ROWS], &none, period, (wanted, gradient.as_slice()));
         assert_eq!(increment.amax(), 0.0);
     }
 }

@@ -84,9 +84,9 @@ fn follows_a_ramp_with_about_one_pass_a_cycle() {
     assert!(mean < 1.2, "{mean}");
 }
 
-/// Goal: after as many cycles as there are parameters the gradient of the margin is that of fully re-solved determinants.
+/// Goal: after as many cycles as there are parameters the gradient of the determinant is that of full solves.
 #[test]
-fn margin_gradient_equals_differences_of_full_solves() {
+fn determinant_gradient_equals_differences_of_full_solves() {
     let (rig, mut random) = (Rig::shipped(), seeded(2));
     let mut worst = 0.0_f64;
     for _ in 0..10 {
@@ -106,12 +106,12 @@ fn margin_gradient_equals_differences_of_full_solves() {
             };
             let step = 1e-4 * range;
             let expected = (determinant(step) - determinant(-step)) / (2.0 * step);
-            off = off.max((model.margin_gradient()[parameter] - expected).abs() * range);
+            off = off.max((model.determinant_gradient()[parameter] - expected).abs() * range);
             size = size.max(expected.abs() * range);
         }
         worst = worst.max(off / size);
     }
-    println!("margin gradient: {worst:.2e} of its greatest entry off");
+    println!("determinant gradient: {worst:.2e} of its greatest entry off");
     // One-sided probes over a share of 1e-3 of the range (2e-3 of a frame's greatest angle) leave as much of half the curvature, and
     // as much again by the predicted unknowns; the gradient of a rod about to snap turns over within a tenth of the range.
     assert!(worst < 0.05, "{worst}");
@@ -133,11 +133,11 @@ fn a_jump_too_large_is_reported_and_got_over() {
             1 => jump.angle_rad[1] = f64::INFINITY,
             _ => {}
         }
-        let kept = (model.tangent(0), model.tangent(1), model.margin());
+        let kept = (model.tangent(0), model.tangent(1), model.stability());
         for age in 1..=4 {
             let report = model.follow(&jump);
             let unit = |magnet| (model.tangent(magnet).norm() - 1.0).abs() < 1e-9;
-            assert!(unit(0) && unit(1) && model.margin().is_finite(), "{report:?}");
+            assert!(unit(0) && unit(1) && model.stability().margin.is_finite(), "{report:?}");
             if report.converged {
                 assert!(case % 4 >= 2, "not a number is no equilibrium: {report:?}");
                 break;
@@ -145,7 +145,7 @@ fn a_jump_too_large_is_reported_and_got_over() {
             failures += 1;
             assert_eq!(report.jacobian_age, age);
             assert!(report.passes <= rig.control.passes_max);
-            assert_eq!((model.tangent(0), model.tangent(1), model.margin()), kept);
+            assert_eq!((model.tangent(0), model.tangent(1), model.stability()), kept);
         }
         let back = (0..30).map(|_| model.follow(&actuation)).find(|report| report.converged);
         assert!(back.is_some(), "case {case}: not got over");

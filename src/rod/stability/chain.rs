@@ -133,6 +133,18 @@ impl Chain {
         negative
     }
 
+    /// Product of all eigenvalues, of the spans' finite number.
+    #[cfg(test)]
+    pub(in crate::rod) fn eigenvalue_product(&mut self) -> f64 {
+        self.factor(0.0);
+        let products = self.links.iter().map(|link| match link {
+            Link::Rigid(_) => 1.0,
+            Link::Slender(span) => span.pivot_product(),
+            Link::Stretchy(span) => span.pivot_product(),
+        });
+        products.product()
+    }
+
     /// Inverse iteration: replaces the image `y` of the mode `x` by `(A - shift E)^-1 E x`, with the factors at hand.
     pub(super) fn invert(&mut self) -> Products {
         let mut wrench = Pose::default();
@@ -229,41 +241,6 @@ impl Chain {
             Link::Stretchy(span) => dot(&span.mode, &span.energy(&span.mode)),
         });
         parts.sum()
-    }
-
-    /// Rayleigh's quotient `x A x / x E x` of the mode.
-    pub(super) fn rayleigh(&self) -> f64 {
-        let mut place = Pose::default();
-        let mut loads = 0.0;
-        for link in &self.links {
-            place = match link {
-                Link::Rigid(rigid) => {
-                    loads += rigid.form(place);
-                    rigid.push(place)
-                }
-                Link::Slender(span) => {
-                    loads += span.load_form(place);
-                    span.push(&span.mode, place)
-                }
-                Link::Stretchy(span) => {
-                    loads += span.load_form(place);
-                    span.push(&span.mode, place)
-                }
-            };
-        }
-        1.0 + loads / self.energy()
-    }
-
-    /// Takes the mode of another chain of the same manipulator.
-    pub(super) fn take_mode(&mut self, of: &Self) {
-        for (link, from) in self.links.iter_mut().zip(&of.links) {
-            match (link, from) {
-                (Link::Slender(span), Link::Slender(from)) => span.mode = from.mode,
-                (Link::Stretchy(span), Link::Stretchy(from)) => span.mode = from.mode,
-                _ => {}
-            }
-        }
-        self.lowest = of.lowest;
     }
 }
 

@@ -3,10 +3,11 @@
 //! Factors of `A - sigma E` that count no eigenvalue below `sigma` make inverse iteration, `y = (A - sigma E)^-1 E x`, turn towards the
 //! weakest mode. Its Rayleigh quotient and residual,
 //! ```text
-//! lambda = sigma + x E y / y E y,   r^2 = (1 - (x E y)^2 / (x E x y E y)) x E x / y E y                (z9)
+//! lambda = sigma + x E y / y E y,   r^2 = (1 - (x E y)^2 / (x E x y E y)) x E x / y E y                (z7)
 //! ```
-//! bound an eigenvalue from both sides, `lambda - r` to `lambda`; the next shift is put there, and the count says whether that is
-//! the lowest one. Convergence is quadratic. The mode found last starts the next search, which then takes one or two factorisations.
+//! bound the lowest eigenvalue from above and leave one within `r`: the next shift is put at `lambda - r`, and the count says whether
+//! that lies below all of them. Convergence is quadratic. The mode found last starts the next search, which then takes one or two
+//! factorisations.
 
 use super::chain::Chain;
 use super::measure::Stability;
@@ -96,7 +97,7 @@ impl Chain {
         Some(shift)
     }
 
-    /// One inverse iteration (z9); leaves the new mode, of unit energy.
+    /// One inverse iteration (z7); leaves the new mode, of unit energy.
     fn iterate(&mut self, shift: f64) -> Ritz {
         let products = self.invert();
         let norm = 1.0 / products.image.sqrt();

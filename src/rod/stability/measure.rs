@@ -14,17 +14,16 @@ pub struct Stability {
 }
 
 impl Manipulator {
-    /// The stability of the equilibrium in `pass`.
+    /// The stability of the equilibrium in `pass`, whatever its mode. The weakest mode is kept in `pass` and shortens the next search for
+    /// it; that moves the margin by less than 1e-6, or by up to 0.002 where two modes change places. Never allocates or panics.
     pub fn stability(&self, pass: &mut Pass) -> Stability {
         pass.chain.update(self, pass.gravity, &pass.states, &pass.magnets);
         pass.chain.measure()
     }
 
-    /// The margin of the equilibrium in `pass` against the weakest mode of the one in `of`, whose stability was measured: to first
-    /// order in the difference of the two equilibria it is the margin itself. Much cheaper.
-    pub fn margin_beside(&self, of: &Pass, pass: &mut Pass) -> f64 {
-        pass.chain.take_mode(&of.chain);
+    /// The number of unstable modes alone, at half the cost.
+    pub(in crate::rod) fn unstable_modes(&self, pass: &mut Pass) -> u32 {
         pass.chain.update(self, pass.gravity, &pass.states, &pass.magnets);
-        pass.chain.rayleigh().min(1.0)
+        pass.chain.factor(0.0)
     }
 }

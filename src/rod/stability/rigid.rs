@@ -26,7 +26,7 @@ impl Rigid {
         Self { part, magnet, arm: Triple::default(), own: Stiffness::default() }
     }
 
-    /// Takes over where the magnet is and what acts on it; `ends` are the states at its ends.
+    /// Takes over where the magnet is and what acts on it (z4); `ends` are the states at its ends.
     pub(super) fn update(&mut self, magnet: &Magnet, at: &MagnetPass, ends: [&State; 2]) {
         let tangent = at.frame.tangent;
         let dipole = at.frame.to_world(magnet.moment_body);
@@ -51,7 +51,7 @@ impl Rigid {
         own[3].position = Triple::new(x.x, y.x, z.x);
         own[4].position = Triple::new(x.y, y.y, z.y);
         own[5].position = Triple::new(x.z, y.z, z.z);
-        self.own = pulled_back(&own, tangent.scaled(half)); // (z5)
+        self.own = pulled_back(&own, tangent.scaled(half)); // (z4)
         self.arm = tangent.scaled(magnet.length);
     }
 
@@ -71,13 +71,6 @@ impl Rigid {
 
     pub(super) fn push(&self, start: Pose) -> Pose {
         start.pushed_on(self.arm)
-    }
-
-    /// Its part of the second variation when its start is displaced.
-    pub(super) fn form(&self, start: Pose) -> f64 {
-        let rows = self.own.iter().zip(start.array());
-        rows.map(|(row, entry)| entry * (row.position.dot(start.position) + row.rotation.dot(start.rotation)))
-            .sum()
     }
 }
 

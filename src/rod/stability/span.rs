@@ -85,7 +85,7 @@ pub(super) struct Span<const N: usize, const D: usize> {
 
 impl<const N: usize, const D: usize> Span<N, D> {
     pub(super) fn new(section: &Section, count: usize) -> Self {
-        let [shear, axial] = section.extensional_stiffness();
+        let [shear, axial] = if N == EXTENSIBLE { section.extensional_stiffness() } else { [0.0; 2] };
         Self {
             length: section.length / count as f64,
             bending: section.bending_stiffness,
@@ -103,7 +103,7 @@ impl<const N: usize, const D: usize> Span<N, D> {
         }
     }
 
-    /// Takes over the state at the Gauss points.
+    /// Takes over the state at the Gauss points: `B` by (z1), the loads' form by (z3).
     pub(super) fn update(&mut self, samples: &[Sample]) {
         let h = self.length;
         let sways: [Square; POINTS] = core::array::from_fn(|g| sway(samples[g].force, samples[g].velocity));
@@ -155,7 +155,7 @@ impl<const N: usize, const D: usize> Span<N, D> {
         }
     }
 
-    /// Strain energy's matrix times strains, `E x`.
+    /// Strain energy's matrix times strains, `E x` (z2).
     #[inline(always)]
     pub(super) fn energy(&self, x: &[f64; N]) -> [f64; N] {
         let mut image = [0.0; N];
@@ -317,16 +317,18 @@ impl<const N: usize, const D: usize> Span<N, D> {
         self.push(&self.image, start)
     }
 
-    /// The loads' part of the second variation for the mode and a displaced start.
-    pub(super) fn load_form(&self, start: Pose) -> f64 {
-        let mut all = [0.0; D];
-        all[..N].copy_from_slice(&self.mode);
-        all[N..].copy_from_slice(&start.array());
-        let mut sum = 0.0;
-        for (i, row) in self.form.iter().enumerate() {
-            let beside: f64 = (i + 1..D).map(|j| row[j] * all[j]).sum();
-            sum += all[i] * (row[i] * all[i] + 2.0 * beside);
+    /// Product of the pivots of `A - shift E`, over that of E.
+    #[cfg(test)]
+    pub(super) fn pivot_product(&self) -> f64 {
+        let mut product: f64 = self.inverse_pivots.iter().map(|inverse| 1.0 / inverse).product();
+        for weight in WEIGHTS.map(|weight| weight / self.length) {
+            let torsion = self.bending + self.torsion_excess;
+            product /= weight * self.bending * weight * self.bending * weight * torsion;
+            if N == EXTENSIBLE {
+                let axial = self.shear + self.axial_excess;
+                product /= weight * self.shear * weight * self.shear * weight * axial;
+            }
         }
-        sum
+        product
     }
 }

@@ -1,5 +1,5 @@
-//! Derivatives with the manipulator's constants: against differences of full re-solves of other manipulators, and an
-//! identity that they obey together.
+//! Derivatives with the manipulator's constants: against differences of full re-solves of other
+//! manipulators, and an identity that they obey together.
 
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::description::{PartDescription, Rows3};

@@ -42,7 +42,8 @@ fn deviation(parameters: &Parameters, rod: &RodConfig, values: &[f64], sample: &
                 size[sort] = size[sort].max(sum[sort].norm());
             }
         }
-        // What moves nothing has no relative error: below a hundredth of a degree or a micrometre for a prior deviation.
+        // What moves nothing has no relative error: below a hundredth of a degree or a micrometre for a
+        // prior deviation.
         let floor = [1e-4, 1e-6].map(|least| least / parameters.deviations()[parameter]);
         for sort in 0..2 {
             worst = worst.max(off[sort] / size[sort].max(floor[sort]));

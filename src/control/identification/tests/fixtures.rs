@@ -93,8 +93,8 @@ pub fn drawn(parameters: &Parameters, share: f64, stream: &mut SplitMix) -> Vec<
     parameters.deviations().iter().map(|deviation| share * deviation * stream.normal()).collect()
 }
 
-/// The same without what no equilibrium shows: a turn of a straight rod's clamp about its tangent, and moments that are
-/// greater by as much as all coils are weaker. The prior puts these to nothing.
+/// The same without what no equilibrium shows: a turn of a straight rod's clamp about its tangent, and
+/// moments that are greater by as much as all coils are weaker. The prior puts these to nothing.
 pub fn visible(parameters: &Parameters, mut values: Vec<f64>) -> Vec<f64> {
     let scale = parameters.free().iter().map(|of| match of {
         Parameter::Moment { .. } => 1.0,

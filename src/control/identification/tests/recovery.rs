@@ -8,8 +8,9 @@ use crate::math::SplitMix;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Goal: from noiseless equilibria all that they determine is found to 1e-6. Two directions no equilibrium shows, and both
-/// are named: the clamp's turn about its own tangent, and moments that are greater by as much as all coils are weaker.
+/// Goal: from noiseless equilibria all that they determine is found to 1e-6. Two directions no equilibrium
+/// shows, and both are named: the clamp's turn about its own tangent, and moments that are greater by as
+/// much as all coils are weaker.
 #[test]
 fn noiseless_equilibria_give_the_parameters_back() {
     let mut rig = Rig::shipped();
@@ -29,8 +30,8 @@ fn noiseless_equilibria_give_the_parameters_back() {
     assert!(found.rms_before.angle.expect("measured") > DEGREE);
 }
 
-/// Goal: without weight one scale of modulus, moments and gains is not seen; the direction is named, and the estimates
-/// keep to the nominal scale.
+/// Goal: without weight one scale of modulus, moments and gains is not seen; the direction is named, and
+/// the estimates keep to the nominal scale.
 #[test]
 fn the_common_scale_of_a_weightless_rod_is_left_to_the_prior_and_named() {
     let mut rig = Rig::shipped();
@@ -47,7 +48,8 @@ fn the_common_scale_of_a_weightless_rod_is_left_to_the_prior_and_named() {
     assert!(found.undetermined.iter().any(|direction| direction.parts.iter().any(|(index, _)| *index == 0)));
 }
 
-/// Goal: one block in ten that is grossly wrong moves no estimate by more than its few deviations, and each is named.
+/// Goal: one block in ten that is grossly wrong moves no estimate by more than its few deviations, and each
+/// is named.
 #[test]
 fn gross_errors_are_named_and_pull_little() {
     let rig = Rig::shipped();
@@ -85,7 +87,8 @@ fn gross_errors_are_named_and_pull_little() {
     }
 }
 
-/// Goal: a magnet that was never seen, positions that were never measured and lines without some magnet are no obstacle.
+/// Goal: a magnet that was never seen, positions that were never measured and lines without some magnet are
+/// no obstacle.
 #[test]
 fn missing_measurements_are_left_out() {
     let mut rig = Rig::shipped();

@@ -1,4 +1,5 @@
-//! What the reference promises: a straight common way within all limits, to the end and not beyond, whatever the loop's rate.
+//! What the reference promises: a straight common way within all limits, to the end and not beyond, whatever
+//! the loop's rate.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -56,8 +57,8 @@ fn left(reference: &Reference, target: &ReferenceTarget) -> [f64; 5] {
     [angle(0), angle(1), angle(2), (turns[0] - frames[0]).abs(), (turns[1] - frames[1]).abs()]
 }
 
-/// Goal: from rest all directions and frames have covered the same share of their great circles and turns at any moment, none ever turns
-/// back, and all end on the target.
+/// Goal: from rest all directions and frames have covered the same share of their great circles and turns at
+/// any moment, none ever turns back, and all end on the target.
 #[test]
 fn from_rest_all_follow_one_straight_way_and_arrive_together() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
@@ -92,7 +93,8 @@ fn from_rest_all_follow_one_straight_way_and_arrive_together() {
     }
 }
 
-/// Goal: it is no slower than limits and lags ask: the slowest coordinate's own time at its limits, and a few time constants.
+/// Goal: it is no slower than limits and lags ask: the slowest coordinate's own time at its limits, and a few
+/// time constants.
 #[test]
 fn the_slowest_coordinate_sets_the_pace() {
     let (mut from, mut to) = ([Vector3::zeros(); MAGNETS_MAX], [Vector3::zeros(); MAGNETS_MAX]);
@@ -122,7 +124,8 @@ fn the_slowest_coordinate_sets_the_pace() {
     assert!(together > slow - 0.2 && together < slow + 6.6 * TIME_CONSTANT, "{together} {slow}");
 }
 
-/// Goal: whatever the target does, in motion too, speeds and accelerations stay within their limits, and no velocity leaps.
+/// Goal: whatever the target does, in motion too, speeds and accelerations stay within their limits, and no
+/// velocity leaps.
 #[test]
 fn limits_hold_and_velocities_are_continuous_on_any_retargeting() {
     let mut random = ChaCha8Rng::seed_from_u64(2);
@@ -156,8 +159,8 @@ fn limits_hold_and_velocities_are_continuous_on_any_retargeting() {
         before = now;
     }
     println!("fastest {fastest}, hardest {hardest}");
-    // The limits are used: speed in full, acceleration as far as the lags leave it between two leaps. They are kept on the sphere too, where the
-    // lags bend with what they follow.
+    // The limits are used: speed in full, acceleration as far as the lags leave it between two leaps. They
+    // are kept on the sphere too, where the lags bend with what they follow.
     assert!(fastest > 0.99 && fastest < 1.0 + 1e-9, "{fastest}");
     assert!(hardest > 0.8 && hardest < 1.0 + 1e-9, "{hardest}");
 }
@@ -180,8 +183,8 @@ fn every_history_ends_on_the_last_target() {
     }
 }
 
-/// Goal: the way is one of time, not of cycles. At 100 Hz and 10 kHz it is that of 1 kHz to a thousandth of a radian, whatever
-/// targets come on the way.
+/// Goal: the way is one of time, not of cycles. At 100 Hz and 10 kHz it is that of 1 kHz to a thousandth of a
+/// radian, whatever targets come on the way.
 #[test]
 fn the_way_does_not_depend_on_the_loops_rate() {
     let run = |period: f64| {
@@ -234,7 +237,8 @@ fn velocity_is_the_derivative_of_the_way() {
     }
 }
 
-/// Goal: half a turn away any great circle will do, and one is followed; at no distance nothing moves; what is no direction is no target.
+/// Goal: half a turn away any great circle will do, and one is followed; at no distance nothing moves; what
+/// is no direction is no target.
 #[test]
 fn antipodes_no_distance_and_no_direction_are_safe() {
     let mut from = [Vector3::zeros(); MAGNETS_MAX];
@@ -259,7 +263,8 @@ fn antipodes_no_distance_and_no_direction_are_safe() {
     }
 }
 
-/// Goal: without goals the frames stay and set no pace; where others turned them meanwhile is where they begin.
+/// Goal: without goals the frames stay and set no pace; where others turned them meanwhile is where they
+/// begin.
 #[test]
 fn frames_without_goals_are_left_alone() {
     let mut random = SplitMix::new(6);

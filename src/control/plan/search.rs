@@ -1,0 +1,268 @@
+//! How a search goes: ways by setting and route, walked in batches, the best kept.
+//!
+//! A way's score never falls as it goes on. So a way is dropped as soon as it is worse than as many that have arrived as are looked
+//! at afterwards: it would not be taken. Batches are of one size whatever the number of threads, and each way is walked by a fresh
+//! copy of one walker, so that neither threads nor their pace are seen in a result.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::planner::{Plan, Planner, Setting, Unreached};
+use super::route::Route;
+use super::walker::{Obstacle, Posture, Stop, Walked, Walker, Waypoint};
+use crate::control::cycle::Directions;
+
+/// Settings of the grid about which a search goes on when none of the grid arrives.
+const REFINED: usize = 8;
+/// Ways whose return is tried before a search gives up.
+const RETURNS_TRIED: usize = 8;
+/// Ways that are walked before the best so far are looked at: many times the cores of a machine.
+const BATCH: usize = 32;
+
+/// A frame setting, and the rod at rest with it.
+#[derive(Debug, Clone)]
+pub(super) struct Tried {
+    pub setting: Setting,
+    /// Posture there, and the turn to it from frames at zero; `None` when that cannot be walked.
+    pub rest: Option<(Posture, Walked)>,
+}
+
+/// A way to be walked.
+struct Way<'a> {
+    /// The first waypoint, when it was walked to before: where it is, and how it was come to.
+    begun: Option<&'a (Posture, Walked)>,
+    waypoints: Vec<Waypoint>,
+}
+
+/// Where a walk ended before its goal.
+#[derive(Debug, Clone, Copy)]
+struct Halt {
+    obstacle: Obstacle,
+    /// Waypoints left, less the share of the way to the next that was walked.
+    left: f64,
+    /// Frame angles of its goal.
+    setting: Setting,
+}
+
+/// Why a way was not walked to its end.
+enum Broken {
+    Halted(Halt),
+    Dropped,
+}
+
+/// Outcomes of many walks.
+struct Followed {
+    /// Best first.
+    arrived: Vec<Plan>,
+    halted: Vec<Halt>,
+}
+
+impl Followed {
+    fn most_often(&self) -> Obstacle {
+        let mut counts = BTreeMap::new();
+        for halt in &self.halted {
+            *counts.entry(halt.obstacle).or_insert(0_u32) += 1;
+        }
+        let most = counts.into_iter().max_by_key(|(_, count)| *count);
+        most.map_or(Obstacle::OutOfReach, |(obstacle, _)| obstacle)
+    }
+}
+
+impl Planner {
+    /// Turns the frames to a setting at rest.
+    pub(super) fn try_at_rest(&self, setting: Setting) -> Tried {
+        let there = Waypoint { directions: self.rest.posture.directions, frame_angles: setting };
+        let plan = self.walk_through(&self.rest.posture, vec![there]).ok();
+        Tried { setting, rest: plan.map(|plan| (plan.posture, plan.walked)) }
+    }
+
+    /// The best way to `target` from rest.
+    pub(super) fn search_from_rest(&self, target: &Directions) -> Result<Plan, Unreached> {
+        self.search(&self.rest.posture, target, true)
+    }
+
+    /// The best way to `target` from a posture, frames and magnets turning together.
+    pub(super) fn search_from(&self, from: &Posture, target: &Directions) -> Result<Plan, Unreached> {
+        self.search(from, target, false)
+    }
+
+    /// The best way to `target` from rest with one setting.
+    pub(super) fn search_held(&self, tried: &Tried, target: &Directions) -> Result<Plan, Unreached> {
+        let mut most_often = None;
+        for routes in &self.groups {
+            let ways = routes.iter().map(|route| self.way_from_rest(tried, *route, target));
+            let followed = self.follow_all(&self.rest.posture, ways.collect());
+            most_often = most_often.or(Some(followed.most_often()));
+            if let Some(plan) = followed.arrived.into_iter().next() {
+                return Ok(plan);
+            }
+        }
+        Err(Unreached { tried: 1, most_often: most_often.unwrap_or(Obstacle::OutOfReach) })
+    }
+
+    /// Walks along waypoints, at least one, whatever others there are.
+    pub(super) fn walk_through(&self, from: &Posture, waypoints: Vec<Waypoint>) -> Result<Plan, Obstacle> {
+        let way = Way { begun: None, waypoints };
+        self.follow(&mut self.walker.clone(), from, way, f64::INFINITY).map_err(|broken| match broken {
+            Broken::Halted(halt) => halt.obstacle,
+            // Nothing is worse than infinity.
+            Broken::Dropped => Obstacle::OutOfReach,
+        })
+    }
+
+    /// A way from `from` to rest: with the frames as they stand, else along `back` and then to rest.
+    pub(super) fn way_home(&self, from: &Posture, back: Vec<Waypoint>) -> Option<Vec<Waypoint>> {
+        let rest = self.rest.posture.directions;
+        let home = Waypoint { directions: rest, frame_angles: from.present.actuation.angle_rad };
+        let ways = self.groups.iter().flatten().map(|route| route.waypoints(&from.directions, &home));
+        let ways = ways.chain((!back.is_empty()).then(|| {
+            let last = back.last().map_or(home.frame_angles, |last| last.frame_angles);
+            back.iter().copied().chain([Waypoint { directions: rest, frame_angles: last }]).collect()
+        }));
+        ways.into_iter().find(|way: &Vec<Waypoint>| self.walk_through(from, way.clone()).is_ok())
+    }
+
+    /// Without currents frames turn freely: a way from rest begins with them in place.
+    fn way_from_rest<'a>(&self, tried: &'a Tried, route: Route, target: &Directions) -> Way<'a> {
+        let from = Waypoint { directions: self.rest.posture.directions, frame_angles: tried.setting };
+        let to = Waypoint { directions: *target, frame_angles: tried.setting };
+        let waypoints = [from].into_iter().chain(route.waypoints(&from.directions, &to)).collect();
+        Way { begun: tried.rest.as_ref(), waypoints }
+    }
+
+    /// Tries every setting on one group of routes after another, then settings between those of the grid.
+    fn search(&self, from: &Posture, target: &Directions, at_rest: bool) -> Result<Plan, Unreached> {
+        let way = |tried, route| {
+            if at_rest {
+                return self.way_from_rest(tried, route, target);
+            }
+            let to = Waypoint { directions: *target, frame_angles: tried.setting };
+            Way { begun: None, waypoints: route.waypoints(&from.directions, &to) }
+        };
+        let mut most_often = None;
+        let mut closest: Vec<Halt> = Vec::new();
+        for routes in &self.groups {
+            let ways =
+                self.settings.iter().flat_map(|tried| routes.iter().map(move |route| way(tried, *route)));
+            let followed = self.follow_all(from, ways.collect());
+            most_often = most_often.or(Some(followed.most_often()));
+            closest.extend(&followed.halted);
+            if let Some(plan) = self.best_with_return(from, followed.arrived) {
+                return Ok(plan);
+            }
+        }
+        // Between the settings of the grid, about those that came closest.
+        closest.sort_by(|a, b| a.left.total_cmp(&b.left));
+        let beside = closest.iter().take(REFINED).flat_map(|halt| self.beside(&halt.setting));
+        let refined: Vec<Tried> = beside
+            .map(|setting| if at_rest { self.try_at_rest(setting) } else { Tried { setting, rest: None } })
+            .collect();
+        let routes = || self.groups.iter().flatten();
+        let ways = refined.iter().flat_map(|tried| routes().map(move |route| way(tried, *route)));
+        let followed = self.follow_all(from, ways.collect());
+        let most_often = most_often.unwrap_or(Obstacle::OutOfReach);
+        let found = self.best_with_return(from, followed.arrived);
+        found.ok_or(Unreached { tried: self.settings.len(), most_often })
+    }
+
+    /// Settings between a setting of the grid and its neighbours, in the plane of the first two frames.
+    fn beside(&self, setting: &Setting) -> Vec<Setting> {
+        let offsets = [-2.0, -1.0, 1.0, 2.0].map(|thirds| thirds * self.frame_step / 3.0);
+        let offsets = offsets.iter().chain(&[0.0]);
+        let both = offsets.clone().flat_map(|first| offsets.clone().map(move |second| (first, second)));
+        let moved = both.filter(|offset| *offset != (&0.0, &0.0)).map(|(first, second)| {
+            let mut moved = *setting;
+            moved[0] += first;
+            moved[1] += if self.ranges.len() > 1 { *second } else { 0.0 };
+            moved
+        });
+        if self.ranges.is_empty() { Vec::new() } else { moved.collect() }
+    }
+
+    /// The best of `plans`, best first, from which there is a way to rest.
+    fn best_with_return(&self, from: &Posture, plans: Vec<Plan>) -> Option<Plan> {
+        let mut plans = plans.into_iter().take(RETURNS_TRIED);
+        plans.find_map(|mut plan| {
+            let mut back: Vec<Waypoint> = plan.waypoints.iter().rev().skip(1).copied().collect();
+            back.push(Waypoint {
+                directions: from.directions,
+                frame_angles: from.present.actuation.angle_rad,
+            });
+            plan.home = self.way_home(&plan.posture, back)?;
+            Some(plan)
+        })
+    }
+
+    /// Walks every way that may be among the best.
+    fn follow_all(&self, from: &Posture, ways: Vec<Way<'_>>) -> Followed {
+        let mut followed = Followed { arrived: Vec::new(), halted: Vec::new() };
+        let mut ways = ways.into_iter();
+        loop {
+            let batch: Vec<Way<'_>> = ways.by_ref().take(BATCH).collect();
+            if batch.is_empty() {
+                return followed;
+            }
+            let last_looked_at = followed.arrived.get(RETURNS_TRIED - 1);
+            let score_max = last_looked_at.map_or(f64::INFINITY, |plan| self.score(&plan.walked));
+            let outcomes: Vec<_> = batch
+                .into_par_iter()
+                .map(|way| self.follow(&mut self.walker.clone(), from, way, score_max))
+                .collect();
+            for outcome in outcomes {
+                match outcome {
+                    Ok(plan) => followed.arrived.push(plan),
+                    Err(Broken::Halted(halt)) => followed.halted.push(halt),
+                    Err(Broken::Dropped) => {}
+                }
+            }
+            followed.arrived.sort_by(|a, b| self.score(&a.walked).total_cmp(&self.score(&b.walked)));
+        }
+    }
+
+    /// Walks a way, as long as its score does not exceed `score_max`.
+    fn follow(
+        &self,
+        walker: &mut Walker,
+        from: &Posture,
+        way: Way<'_>,
+        score_max: f64,
+    ) -> Result<Plan, Broken> {
+        let Way { begun, waypoints } = way;
+        let setting = waypoints.last().map_or_else(Default::default, |last| last.frame_angles);
+        let halt = |index: usize, share: f64, obstacle: Obstacle| {
+            let left = (waypoints.len() - index) as f64 - share;
+            Broken::Halted(Halt { obstacle, left, setting })
+        };
+        let (start, mut walked) = begun.copied().unwrap_or((*from, Walked::NOWHERE));
+        let is_wanted = |walked: &Walked| self.score(walked) <= score_max;
+        walker.resume(&start).map_err(|obstacle| halt(0, 0.0, obstacle))?;
+        let mut error = f64::INFINITY;
+        let mut before = start.directions;
+        for (index, waypoint) in waypoints.iter().enumerate().skip(usize::from(begun.is_some())) {
+            if !self.within_range(waypoint) {
+                return Err(halt(index, 0.0, Obstacle::OutOfReach));
+            }
+            let rest = &self.rest.posture.directions;
+            let at_rest = before == *rest && waypoint.directions == *rest;
+            // Frames that turn at rest hold nothing: what holding would take does not count.
+            let counted = |leg: &Walked| {
+                let expected_max = if at_rest { 0.0 } else { leg.expected_max };
+                walked.then(&Walked { expected_max, ..*leg })
+            };
+            let leg = walker.walk_while(waypoint, &self.bounds, |leg| is_wanted(&counted(leg)));
+            walked = counted(&leg.map_err(|stop| match stop {
+                Stop::Obstacle(obstacle, share) => halt(index, share, obstacle),
+                Stop::Dropped => Broken::Dropped,
+            })?);
+            error = walker.error_to(&waypoint.directions);
+            before = waypoint.directions;
+        }
+        Ok(Plan { posture: walker.posture(), waypoints, walked, error, home: Vec::new() })
+    }
+
+    fn within_range(&self, waypoint: &Waypoint) -> bool {
+        let mut angles = waypoint.frame_angles.iter().zip(&self.ranges);
+        angles.all(|(angle, (least, most))| (*least..=*most).contains(angle))
+    }
+}
