@@ -332,7 +332,8 @@ impl Cycle {
             None => (input.target, Verdict::Unchecked),
             Some(scout) => {
                 let (reference, bias) = (&self.reference.directions(), &self.feedback.bias());
-                let standing = Standing { reference, model: &self.model, converged, bias };
+                let standing =
+                    Standing { reference, model: &self.model, converged, period: input.period, bias };
                 (scout.lead(&input.target, &standing), scout.verdict())
             }
         };

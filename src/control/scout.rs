@@ -36,14 +36,16 @@ use super::reference::ReferenceTarget;
 use crate::rod::Manipulator;
 
 /// Share of a margin that a motion may lose when it begins below what is allowed: ways out are rarely ways up from the first step.
-const LOSS_SHARE: f64 = 0.25;
+const LOSS_SHARE: f64 = 0.5;
+/// Most steps of a walk in one cycle, however long that is.
+const STEPS_MAX: f64 = 20.0;
 
 /// `[control.scout]`: how new targets are looked at before the reference goes there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScoutConfig {
-    /// Steps of the walk in one cycle, 1 to 20; each costs about as much as the cycle's own call of the model.
-    pub steps_per_cycle: u32,
+    /// Steps of the walk in a second, 10 to 100000, at most 20 in one cycle; each costs about as much as a cycle's own call of the model.
+    pub steps_per_s: f64,
     /// Farthest that a magnet turns between two stations of the walk, deg, 0.1 to 10; frames turn twice as far. What is walked between is
     /// steered by derivatives from some stations before.
     pub station_deg: f64,
@@ -57,7 +59,7 @@ pub struct ScoutConfig {
 impl ScoutConfig {
     /// Adds every value out of its range, keyed from the root of the file.
     pub fn check(&self, checks: &mut Checks) {
-        checks.within("control.scout.steps_per_cycle", f64::from(self.steps_per_cycle), 1.0, 20.0);
+        checks.within("control.scout.steps_per_s", self.steps_per_s, 10.0, 1e5);
         checks.within("control.scout.station_deg", self.station_deg, 0.1, 10.0);
         checks.within("control.scout.margin_min", self.margin_min, -10.0, 10.0);
         checks.within("control.scout.tolerance_deg", self.tolerance_deg, 1e-3, 45.0);
@@ -109,6 +111,8 @@ pub(super) struct Standing<'a> {
     pub(super) model: &'a Model,
     /// True when the model is at its equilibrium.
     pub(super) converged: bool,
+    /// Time since the cycle before, s.
+    pub(super) period: f64,
     /// The model's bias, rotation vectors, rad.
     pub(super) bias: &'a [[f64; 3]; MAGNETS_MAX],
 }
@@ -117,7 +121,9 @@ pub(super) struct Standing<'a> {
 #[derive(Debug)]
 pub(super) struct Scout {
     walker: Walker,
-    steps: u32,
+    steps_per_s: f64,
+    /// Steps that time has earned and nobody has taken.
+    credit: f64,
     bounds: Bounds,
     magnets: usize,
     /// Where the reference may go.
@@ -139,7 +145,8 @@ impl Scout {
         Self {
             magnets: manipulator.magnet_count(),
             walker: Walker::for_scout(config.station_deg.to_radians(), control, description, manipulator),
-            steps: config.steps_per_cycle,
+            steps_per_s: config.steps_per_s,
+            credit: 0.0,
             bounds: Bounds { margin_min: config.margin_min, tolerance: config.tolerance_deg.to_radians() },
             cleared: ReferenceTarget::default(),
             under_way: None,
@@ -170,8 +177,10 @@ impl Scout {
                 self.set_out(asked, standing);
             }
         }
-        for _ in 0..self.steps {
-            let Some((target, walk)) = &mut self.under_way else { break };
+        self.credit = (self.credit + self.steps_per_s * standing.period).clamp(0.0, STEPS_MAX);
+        while self.credit >= 1.0 {
+            self.credit -= 1.0;
+            let Some((target, walk)) = &mut self.under_way else { continue };
             let (target, verdict) = (*target, judge(self.walker.advance(walk), walk));
             if verdict == Verdict::Checking {
                 continue;

@@ -56,7 +56,7 @@ pub struct DaemonConfig {
     /// Below this the daemon goes no further: it keeps currents and frames as they are until another target is set, -10 to
     /// `stability_warn`; -10 never holds. Keeping currents is no motion and keeps the margin, which steering on might not: even a reference
     /// at rest lets currents decay in directions that do not turn the magnets. Above what the model's errors hide, below what steps
-    /// of the targets pass through. From below it a motion may begin that loses no more than a quarter of the margin left.
+    /// of the targets pass through. From below it a motion may begin that loses no more than half of the margin left.
     pub stability_hold: f64,
     /// Below this for `stability_stop_ms` the daemon ramps to zero, -10 to `stability_hold`; -10 never does. A ramp is a motion too, of some
     /// tens of degrees within a tenth of a second, and from near a snap-through it may pass through one: above 0 it is therefore worse than keeping
