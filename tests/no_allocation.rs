@@ -174,7 +174,7 @@ fn the_real_controller_allocates_nothing() {
     let mut control_loop = ControlLoop::new(hardware, controller, rig, daemon, LoopOptions::default());
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(12);
     let mut tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
-    let (mut visited, mut unconverged) = (Visited::default(), 0);
+    let (mut visited, mut unconverged, mut scouting) = (Visited::default(), 0, 0);
     for cycle in 0..CYCLES {
         control_loop.hardware_mut().disturb(&mut random);
         let verb = if random.random_bool(0.004) {
@@ -193,10 +193,12 @@ fn the_real_controller_allocates_nothing() {
         assert_eq!(allocations, 0, "cycle {cycle}: {record:?}");
         visited.note(&record);
         unconverged += u32::from(!record.outcome.model.converged);
+        scouting += u32::from(record.outcome.verdict == magsteer::control::Verdict::Checking);
     }
     println!("{unconverged} cycles without convergence; {visited:?}");
     assert!(visited.everywhere(), "the seed must lead through every state: {visited:?}");
     assert!(unconverged > 500, "the seed must lead the model astray: {unconverged}");
+    assert!(scouting > 100, "the seed must send the scout ahead: {scouting}");
 }
 
 /// A driver that is stepped by this thread between two cycles.

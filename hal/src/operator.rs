@@ -38,7 +38,7 @@ pub mod state {
     pub const ARMED: u32 = 2;
     /// Steering.
     pub const ACTIVE: u32 = 3;
-    /// Target held while sensing is lost briefly.
+    /// Target held: by the operator's wish, while sensing is lost briefly, or close to a snap-through.
     pub const HOLDING: u32 = 4;
     /// Ramping to zero.
     pub const SAFE_STOP: u32 = 5;
@@ -56,6 +56,33 @@ pub mod state {
             HOLDING => "holding",
             SAFE_STOP => "safe-stop",
             FAULT => "fault",
+            _ => "unknown",
+        }
+    }
+}
+
+/// What is known of the way to the target; the codes of [`StatusMessage::target_verdict`].
+pub mod verdict {
+    /// Nobody looks: the daemon does not steer, or has no scout.
+    pub const UNCHECKED: u32 = 0;
+    /// The way is being looked at; the target before is in force.
+    pub const CHECKING: u32 = 1;
+    /// The way is clear.
+    pub const CLEAR: u32 = 2;
+    /// The way is safe as far as currents lead, which is not to the target.
+    pub const OUT_OF_REACH: u32 = 3;
+    /// The target was refused, and the one before stays in force; [`StatusMessage::cause`] tells why.
+    pub const REFUSED: u32 = 4;
+
+    /// The word a person reads for a verdict.
+    #[must_use]
+    pub const fn name(verdict: u32) -> &'static str {
+        match verdict {
+            UNCHECKED => "unchecked",
+            CHECKING => "checking",
+            CLEAR => "clear",
+            OUT_OF_REACH => "out-of-reach",
+            REFUSED => "refused",
             _ => "unknown",
         }
     }
@@ -130,13 +157,13 @@ pub struct LoopTiming {
 /// A view of the daemon for anyone who looks; never a command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_status_v1")]
+#[type_name("magsteer_status_v2")]
 pub struct StatusMessage {
     /// Common header; `source_stamp_ns` is the cycle's tick.
     pub header: Header,
     /// One of [`state`].
     pub state: u32,
-    /// Cause code of the last stop or fault, 0 without one.
+    /// Cause code of the last stop, fault or refused target, 0 without one.
     pub cause: u32,
     /// Number of the cycle.
     pub cycle: u64,
@@ -164,6 +191,10 @@ pub struct StatusMessage {
     pub pose_parameter_count: u32,
     /// 1 when the model's equilibrium was found in the last cycle.
     pub model_converged: u32,
+    /// One of [`verdict`], of the target set last.
+    pub target_verdict: u32,
+    /// 1 while the margin of stability is below the daemon's limit of warning.
+    pub stability_low: u32,
     /// Target tangents as set by the operator, world.
     pub target_direction: [[f64; 3]; MAGNETS_MAX],
     /// Reference that the loop follows this cycle, world.

@@ -62,8 +62,12 @@ pub fn connect(rig: &RigArgs, file: Option<&Path>) -> anyhow::Result<OperatorCli
 
 /// Sends `request` and prints the answer.
 pub fn request(client: &mut OperatorClient, request: OperatorRequest, json: bool) -> anyhow::Result<Exit> {
-    let answer = client.send(request, ANSWER_WAIT).map_err(client_failure)?;
-    tell(&answer, json)
+    tell(&send(client, request)?, json)
+}
+
+/// Sends `request` and returns the answer.
+pub fn send(client: &mut OperatorClient, request: OperatorRequest) -> anyhow::Result<OperatorAnswer> {
+    client.send(request, ANSWER_WAIT).map_err(client_failure)
 }
 
 /// A request without an answer, with its exit code.
@@ -75,7 +79,8 @@ fn client_failure(error: ClientError) -> anyhow::Error {
     Failure::with(exit, anyhow::Error::new(error).context("not done"))
 }
 
-fn tell(answer: &OperatorAnswer, json: bool) -> anyhow::Result<Exit> {
+/// Prints an answer; its exit code.
+pub fn tell(answer: &OperatorAnswer, json: bool) -> anyhow::Result<Exit> {
     let accepted = answer.accepted == 1;
     let (state, reason) = (state::name(answer.state), cause::text(answer.cause));
     if json {

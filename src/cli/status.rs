@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use magsteer::daemon::target::angle_from_z_deg;
 use magsteer_hal::Stamp;
-use magsteer_hal::operator::{StatusMessage, cause, state};
+use magsteer_hal::operator::{StatusMessage, cause, state, verdict};
 use serde::Serialize;
 
 use super::exit::{Exit, Failure};
@@ -40,7 +40,7 @@ pub struct Status {
 }
 
 /// The stable keys are `state`, `cause`, `cycle`, `rate_hz`, `targets_deg`, `measured_deg`, `currents_a`, `angles_deg`,
-/// `pose_age_us` and `missed`. Angles of tangents are those from global z; absent values are null.
+/// `pose_age_us`, `missed`, `stability_margin` and `target_verdict`. Angles of tangents are those from global z; absent values are null.
 #[derive(Serialize)]
 struct Answer {
     state: &'static str,
@@ -70,6 +70,12 @@ struct Answer {
     lateness_max_us: f64,
     missed: u64,
     model_converged: bool,
+    /// 1 at rest, 0 where the rod snaps through.
+    stability_margin: f64,
+    /// True while it is to be warned of.
+    stability_low: bool,
+    /// "unchecked", "checking", "clear", "out-of-reach" or "refused": what is known of the way to the target set last.
+    target_verdict: &'static str,
 }
 
 impl Status {
@@ -123,6 +129,9 @@ impl Answer {
             lateness_max_us: status.lateness_max_us,
             missed: status.missed,
             model_converged: status.model_converged == 1,
+            stability_margin: status.stability_margin,
+            stability_low: status.stability_low == 1,
+            target_verdict: verdict::name(status.target_verdict),
         }
     }
 
@@ -135,7 +144,7 @@ impl Answer {
         let age = self.pose_age_us.map_or("none".to_owned(), |age| format!("{:.1} ms old", age * 1e-3));
         format!(
             "{}{cause}, cycle {}, {:.0} of {:.0} Hz, {} missed, late {:.0} us, poses {age}\n\
-            target   {} deg\nmeasured {} deg\ncurrents {} A\nframes   {} deg\n",
+            target   {} deg ({})\nmeasured {} deg\ncurrents {} A\nframes   {} deg\nmargin   {:.2}{}\n",
             self.state,
             self.cycle,
             self.rate_measured_hz,
@@ -143,9 +152,12 @@ impl Answer {
             self.missed,
             self.lateness_us,
             numbers(&mut self.targets_deg.iter().copied()),
+            self.target_verdict,
             numbers(&mut self.measured_deg.iter().copied()),
             numbers(&mut self.currents_a.iter().copied().map(Some)),
             numbers(&mut self.angles_deg.iter().copied().map(Some)),
+            self.stability_margin,
+            if self.stability_low { ": close to a snap-through" } else { "" },
         )
     }
 }

@@ -11,19 +11,21 @@ use magsteer::daemon::target::{AngleTarget, directions};
 use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::Stamp;
 use magsteer_hal::channels::OperatorClient;
-use magsteer_hal::operator::{OperatorRequest, StatusMessage, state, verb};
+use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, StatusMessage, state, verb, verdict};
 use serde::Serialize;
 
 use super::actuation::Numbers;
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
-use super::operator::{connect, request};
+use super::operator::{connect, send, tell};
 use super::output;
 use super::play::{Session, table, timing_line};
 use super::rig_file::RigArgs;
 
 /// How long to wait for a status of a daemon that is there.
 const STATUS_WAIT: Duration = Duration::from_millis(1_500);
+/// How long to wait until the way to a target was looked at: a hundred times what it takes.
+const VERDICT_WAIT: Duration = Duration::from_secs(3);
 
 /// Where the magnets are to point.
 #[derive(Debug, Args)]
@@ -41,6 +43,7 @@ enum Action {
 /// Set the angles of magnets from global z.
 ///
 /// A magnet that is not named keeps its target; where none was set, the direction in which it was measured.
+/// While the daemon steers it looks at the way first, and refuses a target beyond a snap-through.
 /// Ends with 0 when it was done, with 1 when the daemon refused, with 69 when no daemon answers.
 #[derive(Debug, Args)]
 #[command(
@@ -160,7 +163,44 @@ impl Set {
         let direction = asked(&present)?;
         let message =
             OperatorRequest { verb: verb::SET_TARGET, magnet_count: count, direction, ..Default::default() };
-        request(&mut client, message, self.json)
+        let answer = send(&mut client, message)?;
+        let steers = matches!(answer.state, state::ACTIVE | state::HOLDING);
+        if answer.accepted == 0 || !steers {
+            return tell(&answer, self.json);
+        }
+        let status = await_verdict(&mut client)?;
+        match status.target_verdict {
+            verdict::REFUSED => tell(
+                &OperatorAnswer { accepted: 0, cause: status.cause, state: status.state, ..answer },
+                self.json,
+            ),
+            verdict::OUT_OF_REACH => {
+                output::note(
+                    "the currents reach their limits before the target: the loop goes as far as they lead",
+                );
+                tell(&answer, self.json)
+            }
+            _ => tell(&answer, self.json),
+        }
+    }
+}
+
+/// The first status after the daemon looked at the way to the target that it took just now.
+fn await_verdict(client: &mut OperatorClient) -> anyhow::Result<StatusMessage> {
+    // A cycle that begins from now on knows of the target.
+    let taken = Stamp::now();
+    loop {
+        let status = await_status(client)?;
+        let knows = status.header.source_stamp() > taken;
+        if knows && status.target_verdict != verdict::CHECKING {
+            return Ok(status);
+        }
+        if Stamp::now().since(taken) > VERDICT_WAIT {
+            let message =
+                anyhow::anyhow!("the target was taken, but the way to it was not looked at in time");
+            return Err(Failure::with(Exit::Unavailable, message));
+        }
+        std::thread::sleep(Duration::from_millis(2));
     }
 }
 

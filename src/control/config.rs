@@ -10,6 +10,7 @@ use super::disturbance::DisturbanceConfig;
 use super::error::OrientationErrorKind;
 use super::feedback::FeedbackKind;
 use super::plan::PlanConfig;
+use super::scout::ScoutConfig;
 use super::secondary::SecondaryConfig;
 
 /// `[control]`: the law from error to actuation.
@@ -64,6 +65,8 @@ pub struct ControlConfig {
     pub passes_max: u32,
     /// How frame angles are planned; needed by what plans.
     pub plan: Option<PlanConfig>,
+    /// How the way to a new target is looked at before the reference goes there; without it every target is gone to.
+    pub scout: Option<ScoutConfig>,
 }
 
 /// Whether the frame angles take part in steering.
@@ -108,6 +111,9 @@ impl ControlConfig {
         checks.require(told, "control.secondary", "nothing", "given, since `frame_angles` is \"steer\"");
         if let Some(secondary) = &self.secondary {
             secondary.check(&mut checks);
+        }
+        if let Some(scout) = &self.scout {
+            scout.check(&mut checks);
         }
         let told = self.disturbance.is_some() || self.feedback == FeedbackKind::DelayedReference;
         checks.require(

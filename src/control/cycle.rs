@@ -21,6 +21,7 @@ use super::error::OrientationError;
 use super::feedback::{Feedback, Seen};
 use super::model::Model;
 use super::reference::{Pacing, Reference, ReferenceTarget};
+use super::scout::{Scout, Standing, Verdict};
 use crate::rod::Manipulator;
 
 /// Unit vectors, one a magnet, base to tip; entries past the rig's magnets are zero.
@@ -76,6 +77,10 @@ pub struct CycleOutcome {
     pub desired: Directions,
     /// Measured tangents; zero before the first pose.
     pub measured: Directions,
+    /// Target that the reference goes to: the one asked for, once its way was looked at.
+    pub in_force: ReferenceTarget,
+    /// What is known of the way to the target asked for.
+    pub verdict: Verdict,
     /// Tangents that the model predicts for the present actuation.
     pub predicted: Directions,
     /// Bias of the model: of every magnet the rotation vector from its predicted tangent to where it is taken
@@ -97,6 +102,8 @@ impl CycleOutcome {
         Self {
             request,
             desired: UP,
+            in_force: ReferenceTarget { directions: UP, frame_angles: None },
+            verdict: Verdict::Unchecked,
             measured: UP,
             predicted: UP,
             bias: [[0.0; 3]; MAGNETS_MAX],
@@ -143,6 +150,7 @@ pub struct Cycle {
     held_at: PoseSource,
     error: OrientationError,
     reference: Reference,
+    scout: Option<Scout>,
     feedback: Feedback,
     allocation: Allocation,
     magnets: usize,
@@ -179,8 +187,12 @@ impl Cycle {
             model.follow_expected_power(secondary.disturbance_deg.to_radians());
         }
         Self {
-            algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator)),
+            algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator.clone())),
             held_at: chosen.map_or(PoseSource::Modelled, |chosen| chosen.magnet_poses),
+            scout: config
+                .scout
+                .as_ref()
+                .map(|scout| Scout::new(scout, config, description, manipulator.clone())),
             model,
             error: OrientationError::new(config.orientation_error, &base),
             reference: Reference::new(magnets, &Pacing::new(config, description)),
@@ -313,18 +325,32 @@ impl Cycle {
             *direction = self.actual(magnet);
         }
         self.reference.reset(&directions, &admitted.angle_rad);
+        let reference = self.reference.directions();
         self.allocation.rest();
-        self.feedback.reset(&self.reference.directions());
+        self.feedback.reset(&reference);
+        if let Some(scout) = &mut self.scout {
+            scout.rest(&reference);
+        }
     }
 
-    /// Moves the reference on.
-    fn lead(&mut self, input: &CycleInput) {
-        if input.target.frame_angles.is_none() {
+    /// Moves the reference on, as far as the way was looked at; tells where to, and what is known of the way to the target.
+    fn lead(&mut self, input: &CycleInput, converged: bool) -> (ReferenceTarget, Verdict) {
+        let (in_force, verdict) = match &mut self.scout {
+            None => (input.target, Verdict::Unchecked),
+            Some(scout) => {
+                let (reference, bias) = (&self.reference.directions(), &self.feedback.bias());
+                let standing =
+                    Standing { reference, model: &self.model, converged, period: input.period, bias };
+                (scout.lead(&input.target, &standing), scout.verdict())
+            }
+        };
+        if in_force.frame_angles.is_none() {
             // The secondary tasks turn the frames: a later goal sets out from where they are.
             self.reference.reset_frames(&input.admitted.angle_rad);
         }
-        self.reference.advance(&input.target, input.period);
+        self.reference.advance(&in_force, input.period);
         self.feedback.follow(&self.reference.directions(), input.period);
+        (in_force, verdict)
     }
 
     fn directions(&self, of: impl Fn(&Self, usize) -> Vector3<f64>) -> Directions {
@@ -402,6 +428,8 @@ impl Step for Cycle {
         let mut outcome = CycleOutcome {
             request: input.admitted,
             desired: Directions::default(),
+            in_force: input.target,
+            verdict: Verdict::Unchecked,
             measured: self.directions(|cycle, magnet| cycle.measured[magnet].unwrap_or_default()),
             predicted,
             bias: self.feedback.bias(),
@@ -411,7 +439,7 @@ impl Step for Cycle {
         };
         let can_steer = input.engaged && input.pose.is_some() && self.has_jacobian() && input.period > 0.0;
         if can_steer {
-            self.lead(input);
+            (outcome.in_force, outcome.verdict) = self.lead(input, report.converged);
             self.fill_rows(input.pose_age);
             (outcome.request, outcome.condition, outcome.saturated) = self.steer(input);
         } else {

@@ -1,7 +1,7 @@
 //! The controller: from measured tangents to requested currents and angles.
 //!
 //! `reference` shapes the targets; `feedback` decides what they are compared with: late measurements, or the model with its
-//! bias as `disturbance` estimates it. `error` compares tangents, `integral` turns the error into a wanted velocity, `allocation`
+//! bias as `disturbance` estimates it. `scout` looks ahead to a new target before the reference goes there. `error` compares tangents, `integral` turns the error into a wanted velocity, `allocation`
 //! spreads it over currents and frame angles within their limits, and `cycle` ties them to the model's statics and orientation
 //! Jacobian: the exact one, or the paper's `algorithm_1`. Between runs, [`plan`] chooses frame angles and ways, and
 //! [`identification`] estimates what the model should believe in.
@@ -21,6 +21,7 @@ mod past;
 pub mod plan;
 mod probe;
 mod reference;
+mod scout;
 mod secondary;
 
 #[cfg(test)]
@@ -36,4 +37,5 @@ pub use feedback::FeedbackKind;
 pub use integral::ProportionalIntegral;
 pub use model::Model;
 pub use reference::{Limits, Pacing, Reference, ReferenceTarget};
+pub use scout::{ScoutConfig, Verdict, margin_allowed};
 pub use secondary::SecondaryConfig;

@@ -188,6 +188,16 @@ impl Model {
         self.probe.restart();
     }
 
+    /// Goes to where another model of the same rig is: equilibrium, derivatives, stability, stiffness. Allocates no memory.
+    pub fn take_up(&mut self, other: &Self) {
+        let (anchor, from) = (&mut self.anchor, &other.anchor);
+        (anchor.actuation, anchor.unknowns, anchor.reach) = (from.actuation, from.unknowns, from.reach);
+        anchor.derivatives.copy_from_slice(&from.derivatives);
+        self.good = other.good.clone();
+        self.stability = other.stability;
+        self.probe.take_up(&other.probe);
+    }
+
     /// True once a Jacobian was computed.
     #[must_use]
     pub fn has_jacobian(&self) -> bool {

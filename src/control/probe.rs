@@ -89,6 +89,12 @@ impl Probe {
         self.cursor = 0;
     }
 
+    /// Takes over the stiffness that another probe of the same rig has seen; the expected power stays its own.
+    pub(super) fn take_up(&mut self, other: &Self) {
+        (self.determinant, self.cursor) = (other.determinant, other.cursor);
+        self.stiffening.copy_from_slice(&other.stiffening);
+    }
+
     /// Determinant of the residual's Jacobian at the last equilibrium.
     pub(super) fn determinant(&self) -> f64 {
         self.determinant

@@ -51,6 +51,20 @@ pub struct DaemonConfig {
     pub feedback_stop_ms: f64,
     /// Without a converged model for this long the loop stops, ms, 1 to 5000.
     pub model_stop_ms: f64,
+    /// Margin of stability (1 at rest, 0 at the snap-through) below which the status warns, -10 to 10.
+    pub stability_warn: f64,
+    /// Below this the daemon goes no further: it keeps currents and frames as they are until another target is set, -10 to
+    /// `stability_warn`; -10 never holds. Keeping currents is no motion and keeps the margin, which steering on might not: even a reference
+    /// at rest lets currents decay in directions that do not turn the magnets. Above what the model's errors hide, below what steps
+    /// of the targets pass through. From below it a motion may begin that loses no more than half of the margin left.
+    pub stability_hold: f64,
+    /// Below this for `stability_stop_ms` the daemon ramps to zero, -10 to `stability_hold`; -10 never does. A ramp is a motion too, of some
+    /// tens of degrees within a tenth of a second, and from near a snap-through it may pass through one: above 0 it is therefore worse than keeping
+    /// the currents. Below 0 no rod stays where the model has it: it has snapped or is about to, and is steered by the Jacobian of a shape that it
+    /// does not have. Without currents it has one shape only, so that a ramp ends where it is known to be.
+    pub stability_stop: f64,
+    /// How long the margin may stay below `stability_stop`, ms, 1 to 5000. Above what the first mode swings across.
+    pub stability_stop_ms: f64,
     /// A ramp to zero that takes longer cuts the amplifiers, ms, 10 to 10000. Above the greatest current
     /// over its slew limit plus five time constants of the coils.
     pub ramp_timeout_ms: f64,
@@ -98,6 +112,14 @@ pub struct Limits {
     pub feedback_stop: Duration,
     /// Model unusable for longer: stop.
     pub model_stop: Duration,
+    /// Margin of stability below this: warn.
+    pub stability_warn: f64,
+    /// Margin below this: hold.
+    pub stability_hold: f64,
+    /// Margin below this: stop, when it lasts.
+    pub stability_stop: f64,
+    /// Margin below that for longer: stop.
+    pub stability_stop_time: Duration,
     /// Ramp longer than this: disable.
     pub ramp_timeout: Duration,
     /// Currents below this count as zero, A.
@@ -127,6 +149,10 @@ impl DaemonConfig {
             ("following_stop_ms", self.following_stop_ms, 2.0 * period_ms, 5_000.0),
             ("feedback_stop_ms", self.feedback_stop_ms, 2.0 * period_ms, 5_000.0),
             ("model_stop_ms", self.model_stop_ms, 1.0, 5_000.0),
+            ("stability_warn", self.stability_warn, -10.0, 10.0),
+            ("stability_hold", self.stability_hold, -10.0, self.stability_warn.clamp(-10.0, 10.0)),
+            ("stability_stop", self.stability_stop, -10.0, self.stability_hold.clamp(-10.0, 10.0)),
+            ("stability_stop_ms", self.stability_stop_ms, 1.0, 5_000.0),
             ("ramp_timeout_ms", self.ramp_timeout_ms, 10.0, 10_000.0),
             ("arm_timeout_ms", self.arm_timeout_ms, 1.0, 150.0),
             ("overrun_window_ms", self.overrun_window_ms, 10.0 * period_ms, 10_000.0),
@@ -180,6 +206,10 @@ impl DaemonConfig {
             following_stop: milliseconds(self.following_stop_ms),
             feedback_stop: milliseconds(self.feedback_stop_ms),
             model_stop: milliseconds(self.model_stop_ms),
+            stability_warn: self.stability_warn,
+            stability_hold: self.stability_hold,
+            stability_stop: self.stability_stop,
+            stability_stop_time: milliseconds(self.stability_stop_ms),
             ramp_timeout: milliseconds(self.ramp_timeout_ms),
             ramp_done: self.ramp_done_a,
             arm_timeout: milliseconds(self.arm_timeout_ms),
@@ -236,7 +266,7 @@ pub(super) mod tests {
     #[test]
     fn each_bad_value_is_named_by_its_key() {
         type Edit = fn(&mut DaemonConfig);
-        let cases: [(&str, Edit); 25] = [
+        let cases: [(&str, Edit); 30] = [
             ("rate_hz", |config| config.rate_hz = 49.0),
             ("rate_hz", |config| config.rate_hz = 10_001.0),
             ("rate_hz", |config| config.rate_hz = f64::NAN),
@@ -251,6 +281,11 @@ pub(super) mod tests {
             ("following_stop_ms", |config| config.following_stop_ms = 1.0),
             ("feedback_stop_ms", |config| config.feedback_stop_ms = 0.0),
             ("model_stop_ms", |config| config.model_stop_ms = 0.0),
+            ("stability_warn", |config| config.stability_warn = f64::NAN),
+            ("stability_hold", |config| config.stability_hold = config.stability_warn + 0.1),
+            ("stability_hold", |config| config.stability_hold = -11.0),
+            ("stability_stop", |config| config.stability_stop = config.stability_hold + 0.1),
+            ("stability_stop_ms", |config| config.stability_stop_ms = 0.0),
             ("ramp_timeout_ms", |config| config.ramp_timeout_ms = 1.0),
             ("ramp_done_a", |config| config.ramp_done_a = 0.0),
             ("overcurrent_margin_a", |config| config.overcurrent_margin_a = -0.5),

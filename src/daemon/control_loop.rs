@@ -14,6 +14,7 @@
 use std::time::Duration;
 
 use magsteer_hal::gate::{Gate, Limited};
+use magsteer_hal::operator::Cause;
 use magsteer_hal::{
     Absent, Actuation, AdmittedCommand, Authority, CoilFeedback, Hardware, HardwareDescription, Sensed, Stamp,
 };
@@ -263,14 +264,22 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             description_mismatch: self.description_mismatch,
             model_converged: outcome.model.converged,
             field_valid: outcome.model.field_valid,
+            margin: outcome.model.margin,
+            verdict: outcome.verdict,
             request_finite: self.rig.is_finite(&outcome.request),
             write_failed: self.write_failed,
             commanded_zero: self.gate.is_at_zero(),
         }
     }
 
-    /// Takes over targets, and freezes the reference when the operator's hold begins.
+    /// Takes over targets or gives them up, and freezes the reference when the operator's hold begins.
     fn follow_wishes(&mut self, decision: &Decision, outcome: &CycleOutcome) {
+        match decision.given_up {
+            // The reference stays; where the frames were to go is given up with it.
+            Some(Cause::NearSnapThrough) => self.target = Some(self.reference.into()),
+            Some(_) => self.target = Some(outcome.in_force),
+            None => {}
+        }
         if decision.target.is_some() {
             self.target = decision.target;
         }

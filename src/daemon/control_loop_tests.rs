@@ -15,7 +15,8 @@ use super::clock::Tick;
 use super::config::tests::shipped;
 use super::control_loop::{ControlLoop, CycleRecord, LoopOptions};
 use super::state::{Request, Verb};
-use crate::control::{CycleInput, CycleOutcome, Directions, Step};
+use crate::control::plan::Obstacle;
+use crate::control::{CycleInput, CycleOutcome, Directions, Step, Verdict};
 
 const PERIOD: Duration = Duration::from_millis(1);
 const UP: [f64; 3] = [0.0, 0.0, 1.0];
@@ -26,6 +27,9 @@ struct Scripted {
     request: Actuation,
     converged: bool,
     desired: Directions,
+    verdict: Verdict,
+    in_force: Directions,
+    margin: f64,
     seen: Option<CycleInput>,
 }
 
@@ -35,6 +39,8 @@ impl Step for Scripted {
         let request = if input.engaged { self.request } else { input.admitted };
         let mut outcome = CycleOutcome { desired: self.desired, ..CycleOutcome::asking_for(request) };
         outcome.model.converged = self.converged;
+        (outcome.verdict, outcome.in_force) = (self.verdict, self.in_force.into());
+        outcome.model.margin = self.margin;
         outcome
     }
 }
@@ -51,7 +57,15 @@ impl Bench {
         let description = &example_description();
         let mut request = Actuation::default();
         request.current_a[..3].copy_from_slice(&[3.0, -5.0, 1.0]);
-        let controller = Scripted { request, converged: true, desired: [UP; 8], seen: None };
+        let controller = Scripted {
+            request,
+            converged: true,
+            desired: [UP; 8],
+            seen: None,
+            verdict: Verdict::Unchecked,
+            in_force: [UP; 8],
+            margin: 1.0,
+        };
         let hardware = EchoHardware::new(description);
         let options = LoopOptions { realtime_missing: false, token_seed: 3 };
         let control_loop = ControlLoop::new(hardware, controller, description, &shipped(), options);
@@ -136,6 +150,35 @@ fn a_whole_run_sends_claim_drive_ramp_release_and_breaks_no_limit() {
     assert_eq!(guard.state(), driver_state::IDLE);
     let last = records.last().expect("cycles ran");
     assert_eq!((last.decision.state, last.order), (state::IDLE, None));
+}
+
+/// Goal: a refused target gives way to the one in force; near a snap-through to the reference, with currents kept to the last bit.
+#[test]
+fn targets_given_up_give_way_to_what_is_in_force() {
+    let (near, far): (Directions, Directions) = ([[0.6, 0.0, 0.8]; 8], [[1.0, 0.0, 0.0]; 8]);
+    let mut bench = Bench::active();
+    bench.controller().in_force = near;
+    bench.ask(Verb::SetTarget(far.into())).expect("a direction each");
+    bench.controller().verdict = Verdict::Refused { obstacle: Obstacle::NearSnapThrough, progress: 0.5 };
+    let record = bench.cycle();
+    assert_eq!(record.decision.given_up, Some(Cause::TargetCrossesSnapThrough));
+    assert_eq!(record.target.directions, near);
+    bench.controller().verdict = Verdict::Unchecked;
+    bench.controller().desired = [[0.0, 1.0, 0.0]; 8];
+    bench.cycles(2);
+    assert_eq!(bench.controller().seen.map(|input| input.target.directions), Some(near));
+    bench.controller().margin = 0.05;
+    let before = bench.cycle();
+    assert_eq!(before.decision.state, state::HOLDING);
+    assert_eq!(before.target.directions, [[0.0, 1.0, 0.0]; 8]);
+    bench.controller().request.current_a = [4.0; 32];
+    for record in bench.cycles(100) {
+        assert_eq!((record.admitted, record.input.engaged), (before.admitted, false));
+    }
+    bench.controller().margin = 1.0;
+    bench.ask(Verb::SetTarget(far.into())).expect("a direction each");
+    bench.cycles(2);
+    assert_ne!(bench.cycle().admitted, before.admitted);
 }
 
 #[test]

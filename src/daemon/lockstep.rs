@@ -132,7 +132,7 @@ impl<H: Hardware, S: Step> Lockstep<H, S> {
         self.tick = self.tick.stepped(self.period);
         self.cycles += 1;
         let refused = record.decision.answers.iter().flatten().find_map(|answer| answer.refused);
-        self.refused = refused.or(self.refused);
+        self.refused = refused.or(record.decision.given_up).or(self.refused);
         self.cause = record.decision.cause;
         record
     }

@@ -6,8 +6,8 @@
 //!                                     ▲ ▲          │ time-out: refused                       │ go
 //!                                     │ └──────────┘                                         ▼
 //!                       reset (refused│               go, or sensing back          ┌───── Active
-//!                       while the     │               ┌────────────────────────────│────▶    │ hold, or
-//!                       cause lasts)  │            Holding ◀───────────────────────│─────────┘ poses late
+//!                       while the     │               ┌────────────────────────────│────▶    │ hold, or poses
+//!                       cause lasts)  │            Holding ◀───────────────────────│─────────┘ late, or near a snap
 //!                                     │               │ stop, or a trip            │
 //!                                     │               ▼                            │
 //!                                   Fault ◀──────── SafeStop ◀─────────────────────┘
@@ -43,12 +43,14 @@ pub enum State {
     /// Steering.
     Active,
     /// Target held: by the operator's wish the loop steers to the reference of that moment; while
-    /// sensing is lost the currents hold.
+    /// sensing is lost, and close to a snap-through, the currents hold.
     Holding {
         /// True until the operator says go.
         by_operator: bool,
         /// True while poses are older than the hold limit.
         sensing_lost: bool,
+        /// True from when the margin of stability fell below what is allowed until another target is set.
+        near_snap: bool,
     },
     /// Ramping to zero; ends on measured current.
     SafeStop {
@@ -82,7 +84,7 @@ impl State {
     /// True where the controller closes the loop.
     #[must_use]
     pub const fn is_engaged(&self) -> bool {
-        matches!(self, Self::Active | Self::Holding { sensing_lost: false, .. })
+        matches!(self, Self::Active | Self::Holding { sensing_lost: false, near_snap: false, .. })
     }
 
     /// True where losing the driver is a trip.

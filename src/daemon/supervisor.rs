@@ -11,7 +11,8 @@ use magsteer_hal::Stamp;
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::Cause;
 
-use crate::control::{Directions, ReferenceTarget};
+use crate::control::plan::Obstacle;
+use crate::control::{Directions, ReferenceTarget, Verdict};
 use magsteer_hal::HardwareDescription;
 
 use super::config::Limits;
@@ -37,6 +38,12 @@ pub struct Decision {
     pub target: Option<ReferenceTarget>,
     /// True when the operator's hold began in this cycle: the reference is to be frozen.
     pub froze: bool,
+    /// Why the target was given up in this cycle: what it is replaced by is where the reference is, or was going before.
+    pub given_up: Option<Cause>,
+    /// What is known of the way to the target set last; a refusal stays until another one is set.
+    pub verdict: Verdict,
+    /// True while the margin of stability is to be warned of.
+    pub stability_low: bool,
 }
 
 /// The state machine of the daemon.
@@ -44,8 +51,10 @@ pub struct Decision {
 pub struct Supervisor {
     state: State,
     watch: Watch,
-    /// Cause of the last stop or fault; cleared by reset and by arming.
+    /// Cause of the last stop or fault, cleared by reset and by arming; or why a target was given up, cleared by the next one.
     cause: Option<Cause>,
+    /// What is known of the way to the target set last.
+    verdict: Verdict,
     /// Epoch claimed last; 0 once it was given up.
     epoch: u64,
     /// Until when a release is repeated.
@@ -67,6 +76,7 @@ impl Supervisor {
             magnet_count: rig.magnets().count(),
             angle_ranges: rig.frames.iter().map(|frame| (frame.angle_min, frame.angle_max)).collect(),
             cause: None,
+            verdict: Verdict::Unchecked,
             epoch: 0,
             release_until: Stamp::default(),
             realtime_missing,
@@ -95,10 +105,14 @@ impl Supervisor {
         if let Some(cause) = self.watch.trip(&self.state, self.epoch, seen) {
             self.trip(cause, seen.now, &mut answers);
         }
+        let given_up = self.give_up(seen);
         match request {
             Some(Request { id, verb: Verb::SetTarget(asked) }) => {
                 target = self.usable(&asked);
                 answers.push(id, target.is_none().then_some(Cause::TargetInvalid));
+                if target.is_some() {
+                    self.set_out(seen);
+                }
             }
             Some(request) => self.take(request, seen, &mut answers),
             None => {}
@@ -106,7 +120,43 @@ impl Supervisor {
         self.progress(seen, &mut answers);
         self.forget_authority(seen);
         let decision = self.decision(&before, seen, &answers);
-        Decision { target, ..decision }
+        Decision { target, given_up, ..decision }
+    }
+
+    /// Why the target has to be given up, if it has: its way was refused, or the rod is too near a snap-through.
+    fn give_up(&mut self, seen: &Observation) -> Option<Cause> {
+        if !self.state.is_engaged() {
+            return None;
+        }
+        let refused = match (self.verdict, seen.verdict) {
+            (Verdict::Refused { .. }, _) => None,
+            (_, Verdict::Refused { obstacle: Obstacle::OutsideField, .. }) => Some(Cause::TargetOutsideField),
+            (_, Verdict::Refused { .. }) => Some(Cause::TargetCrossesSnapThrough),
+            _ => None,
+        };
+        if !matches!(self.verdict, Verdict::Refused { .. }) {
+            self.verdict = seen.verdict;
+        }
+        let near_snap = self.watch.is_near_snap(seen);
+        let given_up = if near_snap { Some(Cause::NearSnapThrough) } else { refused };
+        self.cause = given_up.or(self.cause);
+        if near_snap {
+            let by_operator = matches!(self.state, State::Holding { by_operator: true, .. });
+            self.enter_holding(by_operator, false, true);
+        }
+        given_up
+    }
+
+    /// A target was set: what held the one before is over.
+    fn set_out(&mut self, seen: &Observation) {
+        self.verdict = Verdict::Unchecked;
+        self.watch.note_motion(seen);
+        if !matches!(self.state, State::SafeStop { .. } | State::Fault { .. }) {
+            self.cause = self.cause.filter(|cause| response(*cause) != Response::Refuse);
+        }
+        if let State::Holding { by_operator, sensing_lost, .. } = self.state {
+            self.enter_holding(by_operator, sensing_lost, false);
+        }
     }
 
     /// The target with its directions normalised; `None` when the rig cannot take it.
@@ -148,6 +198,9 @@ impl Supervisor {
             answers: answers.given(self.state.code(), self.epoch),
             target: None,
             froze: held(&self.state) && !held(before),
+            given_up: None,
+            verdict: self.verdict,
+            stability_low: self.watch.warns_of_stability(),
         }
     }
 
@@ -159,10 +212,8 @@ impl Supervisor {
             State::Arming { .. } => Directive::Claim,
             State::Armed => Directive::Rest,
             State::Active | State::Holding { .. } if *before == State::Armed => Directive::Begin,
-            State::Active | State::Holding { sensing_lost: false, .. } if before.is_engaged() => {
-                Directive::Follow
-            }
-            // Without sensing, and in the cycle of its return, whose request was made without it.
+            state if state.is_engaged() && before.is_engaged() => Directive::Follow,
+            // Without sensing, near a snap-through, and in the cycle after, whose request was made without steering.
             State::Active | State::Holding { .. } => Directive::Hold,
             State::SafeStop { .. } => Directive::RampDown,
             State::Fault { cause } if response(cause) == Response::Disable => Directive::Disable,
@@ -231,17 +282,20 @@ impl Supervisor {
             State::Armed => match self.watch.forbids_steering(seen) {
                 Some(cause) => Err(cause),
                 None => {
+                    self.watch.note_motion(seen);
                     self.enter_active();
                     Ok(())
                 }
             },
             State::Active => Ok(()),
+            // Another target is needed.
+            State::Holding { near_snap: true, .. } => Err(Cause::NearSnapThrough),
             State::Holding { sensing_lost: false, .. } => {
                 self.enter_active();
                 Ok(())
             }
             State::Holding { sensing_lost: true, .. } => {
-                self.enter_holding(false, true);
+                self.enter_holding(false, true, false);
                 Ok(())
             }
             State::SafeStop { cause, .. } | State::Fault { cause } => Err(cause),
@@ -251,8 +305,10 @@ impl Supervisor {
 
     fn hold(&mut self) -> Result<(), Cause> {
         match self.state {
-            State::Active => self.enter_holding(true, false),
-            State::Holding { sensing_lost, .. } => self.enter_holding(true, sensing_lost),
+            State::Active => self.enter_holding(true, false, false),
+            State::Holding { sensing_lost, near_snap, .. } => {
+                self.enter_holding(true, sensing_lost, near_snap);
+            }
             State::SafeStop { cause, .. } | State::Fault { cause } => return Err(cause),
             State::Boot | State::Idle | State::Arming { .. } | State::Armed => return Err(Cause::WrongState),
         }
@@ -294,11 +350,13 @@ impl Supervisor {
         match self.state {
             State::Boot if self.watch.forbids_leaving_boot(seen).is_none() => self.enter_idle(seen.now),
             State::Arming { since, request_id } => self.await_claim(since, request_id, seen, answers),
-            State::Active if self.sensing_lost(seen) => self.enter_holding(false, true),
-            State::Holding { by_operator, .. } => match (by_operator, self.sensing_lost(seen)) {
-                (false, false) => self.enter_active(),
-                (by_operator, sensing_lost) => self.enter_holding(by_operator, sensing_lost),
-            },
+            State::Active if self.sensing_lost(seen) => self.enter_holding(false, true, false),
+            State::Holding { by_operator, near_snap, .. } => {
+                match (by_operator, self.sensing_lost(seen), near_snap) {
+                    (false, false, false) => self.enter_active(),
+                    (_, sensing_lost, _) => self.enter_holding(by_operator, sensing_lost, near_snap),
+                }
+            }
             State::SafeStop { since, cause } => self.await_rest(since, cause, seen),
             _ => {}
         }
@@ -371,8 +429,8 @@ impl Supervisor {
         self.state = State::Active;
     }
 
-    fn enter_holding(&mut self, by_operator: bool, sensing_lost: bool) {
-        self.state = State::Holding { by_operator, sensing_lost };
+    fn enter_holding(&mut self, by_operator: bool, sensing_lost: bool, near_snap: bool) {
+        self.state = State::Holding { by_operator, sensing_lost, near_snap };
     }
 
     fn enter_safe_stop(&mut self, cause: Cause, since: Stamp) {

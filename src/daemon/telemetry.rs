@@ -128,6 +128,9 @@ impl Telemetry {
             if record.decision.transition.is_some() {
                 log(format_args!("{}", TransitionLine(&record)));
             }
+            if let Some(cause) = record.decision.given_up {
+                log(format_args!("target given up: {} (cause {})", cause.text(), cause.code()));
+            }
             self.view.take(&record);
         }
     }

@@ -4,11 +4,12 @@ use std::fmt;
 use std::time::Duration;
 
 use magsteer_hal::message::Header;
-use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, state};
+use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, state, verdict};
 use magsteer_hal::{HardwareDescription, Stamp};
 
 use super::control_loop::CycleRecord;
 use super::statistics::Statistics;
+use crate::control::Verdict;
 
 /// Over how long the rate of the loop is measured.
 const RATE_WINDOW: Duration = Duration::from_secs(1);
@@ -99,6 +100,8 @@ impl StatusView {
             coil_count: self.coil_count,
             pose_parameter_count: self.pose_parameter_count,
             model_converged: u32::from(outcome.model.converged),
+            target_verdict: verdict_code(&decision.verdict),
+            stability_low: u32::from(decision.stability_low),
             target_direction: record.target.directions,
             desired_direction: outcome.desired,
             measured_direction: outcome.measured,
@@ -110,6 +113,16 @@ impl StatusView {
             message.measured = magsteer_hal::Actuation::default();
         }
         Some(message)
+    }
+}
+
+const fn verdict_code(known: &Verdict) -> u32 {
+    match known {
+        Verdict::Unchecked => verdict::UNCHECKED,
+        Verdict::Checking => verdict::CHECKING,
+        Verdict::Clear { .. } => verdict::CLEAR,
+        Verdict::OutOfReach { .. } => verdict::OUT_OF_REACH,
+        Verdict::Refused { .. } => verdict::REFUSED,
     }
 }
 

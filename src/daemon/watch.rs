@@ -12,6 +12,7 @@ use magsteer_hal::operator::Cause;
 use super::config::Limits;
 use super::state::State;
 use super::trust::{Astray, Trust};
+use crate::control::{Verdict, margin_allowed};
 
 /// The driver as its newest feedback shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +58,10 @@ pub struct Observation {
     pub model_converged: bool,
     /// True when every magnet lies within the field model's range.
     pub field_valid: bool,
+    /// Margin of stability of the model's last equilibrium.
+    pub margin: f64,
+    /// What is known of the way to the target.
+    pub verdict: Verdict,
     /// True when the controller's request is finite.
     pub request_finite: bool,
     /// True when the previous command could not be sent.
@@ -76,6 +81,9 @@ impl Observation {
         self.driver.as_ref().filter(|driver| self.now.since(driver.stamp) <= limit)
     }
 }
+
+/// How far above its limit the margin of stability ends a warning: the noise of measured currents moves it by half of that.
+const WARNING_BAND: f64 = 0.03;
 
 /// What a cause makes of the outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -132,6 +140,10 @@ pub struct Watch {
     overruns: OverrunBucket,
     model_unusable_since: Option<Stamp>,
     write_failing_since: Option<Stamp>,
+    unstable_since: Option<Stamp>,
+    warns_of_stability: bool,
+    /// Least margin of stability that the present motion may come to.
+    margin_allowed: f64,
     trust: Trust,
 }
 
@@ -149,6 +161,9 @@ impl Watch {
             overruns,
             model_unusable_since: None,
             write_failing_since: None,
+            unstable_since: None,
+            warns_of_stability: false,
+            margin_allowed: limits.stability_hold,
             trust: Trust::new(limits),
         }
     }
@@ -159,7 +174,29 @@ impl Watch {
         let model_usable = seen.model_converged && seen.field_valid;
         self.model_unusable_since = since(self.model_unusable_since, !model_usable, seen.now);
         self.write_failing_since = since(self.write_failing_since, seen.write_failed, seen.now);
+        // Not a number is no margin.
+        let stable = seen.margin >= self.limits.stability_stop;
+        let quiet_at = self.limits.stability_warn + if self.warns_of_stability { WARNING_BAND } else { 0.0 };
+        self.warns_of_stability = seen.margin < quiet_at;
+        self.unstable_since = since(self.unstable_since, !stable, seen.now);
         self.trust.observe(seen);
+    }
+
+    /// A motion begins: what it may lose depends on the margin with which it begins.
+    pub fn note_motion(&mut self, seen: &Observation) {
+        self.margin_allowed = margin_allowed(self.limits.stability_hold, seen.margin);
+    }
+
+    /// True when the margin of stability has fallen below what the present motion may come to.
+    #[must_use]
+    pub fn is_near_snap(&self, seen: &Observation) -> bool {
+        seen.model_converged && seen.margin < self.margin_allowed
+    }
+
+    /// True when the margin of stability is to be warned of.
+    #[must_use]
+    pub fn warns_of_stability(&self) -> bool {
+        self.warns_of_stability
     }
 
     /// Remembers which life of driver and sensor granted authority: another one has to be armed anew.
@@ -224,6 +261,9 @@ impl Watch {
         }
         if lasted(self.model_unusable_since, seen.now, self.limits.model_stop) {
             return Some(model_cause(seen));
+        }
+        if lasted(self.unstable_since, seen.now, self.limits.stability_stop_time) {
+            return Some(Cause::StabilityLost);
         }
         if self.trust.sensor_restarted(seen) {
             return Some(Cause::SensorRestarted);

@@ -77,6 +77,8 @@ fn layouts() -> String {
             coil_count,
             pose_parameter_count,
             model_converged,
+            target_verdict,
+            stability_low,
             target_direction,
             desired_direction,
             measured_direction,
@@ -112,7 +114,7 @@ mod tests {
             ("FaultRequest", 6 * 4 + 3 * 8),
             ("Quantiles", 4 * 8),
             ("LoopTiming", 8 + 4 * 32),
-            ("StatusMessage", 48 + 8 + 8 * 8 + 136 + 4 * 4 + 4 * 192 + 2 * 320),
+            ("StatusMessage", 48 + 8 + 8 * 8 + 136 + 6 * 4 + 4 * 192 + 2 * 320),
         ];
         let text = layouts();
         for (name, size) in sizes {

@@ -55,6 +55,12 @@ causes! {
     DriverBusy = 7, "the driver is not idle at zero current";
     /// The daemon is ending and takes no more orders.
     Ending = 8, "the daemon is ending";
+    /// On the way to the target the rod would snap through, or come too close to it; the target before stays in force.
+    TargetCrossesSnapThrough = 9, "the rod would snap through on the way to the target";
+    /// On the way to the target a magnet would leave the field model's range; the target before stays in force.
+    TargetOutsideField = 10, "on the way to the target a magnet would leave the field model's range";
+    /// The margin of stability fell below what is allowed: the currents are kept until another target is set.
+    NearSnapThrough = 11, "held close to a snap-through until another target is set";
 
     // 100 to 199: a wanted stop; ramp to zero, then idle.
     /// The operator asked for a stop.
@@ -87,6 +93,8 @@ causes! {
     PoseImplausible = 210, "measured poses and the model disagree";
     /// Measured currents or angles stay away from the commanded ones.
     NotFollowing = 211, "currents or angles do not follow commands";
+    /// The equilibrium that the model follows is no longer stable: the rod has snapped through, or is about to.
+    StabilityLost = 212, "the rod is not stable where the model has it";
 
     // 300 to 399: the amplifiers are cut at once.
     /// The measured current did not reach zero within the ramp's time-out.

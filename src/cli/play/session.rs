@@ -9,7 +9,7 @@ use magsteer::daemon::step_response::{StepResponse, judge};
 use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
-use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verb};
+use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verb, verdict};
 use magsteer_hal::{Actuation, Stamp};
 
 use super::live_line::{LiveLine, live};
@@ -164,6 +164,13 @@ impl Session {
             if !matches!(status.state, state::ACTIVE | state::HOLDING) {
                 line.end();
                 let why = anyhow!("the daemon stopped steering: it is {}", describe(&status));
+                return Err(Failure::with(Exit::No, why));
+            }
+            let of_this_step = status.header.source_stamp() > begin;
+            let near_snap = status.cause == Cause::NearSnapThrough.code();
+            if of_this_step && (status.target_verdict == verdict::REFUSED || near_snap) {
+                line.end();
+                let why = anyhow!("{label} was refused: {}", cause::text(status.cause));
                 return Err(Failure::with(Exit::No, why));
             }
             if Stamp::now().since(status.header.source_stamp()) > SILENCE_MAX {

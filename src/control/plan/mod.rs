@@ -31,4 +31,4 @@ pub use config::{PlanConfig, SETTINGS_MAX};
 pub use expected_power::ExpectedPower;
 pub use planner::{Plan, Planner, Standing, Unreached};
 pub use targets::{Targets, draw_direction, draw_targets, parse_targets, target_columns};
-pub use walker::{Bounds, Obstacle, Posture, Walked, Walker, Waypoint};
+pub use walker::{Advance, Bounds, Obstacle, Posture, Walk, Walked, Walker, Waypoint};

@@ -21,8 +21,10 @@ use crate::rod::Manipulator;
 
 /// Greatest turn of a magnet between two stations of a walk, rad: some percent of what changes the Jacobian.
 const MAGNET_STEP: f64 = 5.0_f64.to_radians();
-/// Greatest turn of a frame between two stations, rad.
-const FRAME_STEP: f64 = 10.0_f64.to_radians();
+/// By how much farther a frame turns than a magnet.
+const FRAME_RATIO: f64 = 2.0;
+/// Disturbance of (p1), which scouts compare nothing by, rad.
+const SCOUT_DISTURBANCE: f64 = 0.05;
 /// Error below which a station on the way is left for the next, rad.
 const ERROR_ON_THE_WAY: f64 = 0.5_f64.to_radians();
 /// Allocations spent on one station before it counts as out of reach.
@@ -31,10 +33,8 @@ const ALLOCATIONS_MAX: u32 = 40;
 const FOLLOWS_MAX: u32 = 12;
 /// Greatest change of a current in one allocation, A: some percent of what changes the Jacobian.
 const CURRENT_STEP: f64 = 0.5;
-/// Share of the currents in the null space that one allocation takes away.
-const RELEASE_SHARE: f64 = 0.3;
-/// Share of a lost margin that one allocation regains, to first order.
-const MARGIN_SHARE: f64 = 0.3;
+/// Share of the currents in the null space that one allocation takes away, and of a lost margin that it regains, to first order.
+const NULL_SPACE_SHARE: f64 = 0.3;
 /// Change of the currents per allocation at which a posture counts as relaxed, A.
 const RELAXED: f64 = 0.02;
 
@@ -152,6 +152,67 @@ pub struct Posture {
     pub condition: f64,
 }
 
+/// A walk under way, for a [`Walker`] to advance.
+#[derive(Debug, Clone, Copy)]
+pub struct Walk {
+    from: Waypoint,
+    goal: Waypoint,
+    bounds: Bounds,
+    stations: u32,
+    /// The station that is walked to, from 1.
+    station: u32,
+    /// Its directions.
+    there: Directions,
+    effort: Effort,
+    walked: Walked,
+}
+
+/// What one station has cost so far.
+#[derive(Debug, Clone, Copy)]
+struct Effort {
+    arrived: bool,
+    /// Calls of the model for the present actuation.
+    follows: u32,
+    allocations: u32,
+    /// Greatest change of a current in the last allocation, A.
+    change: f64,
+}
+
+impl Effort {
+    const NONE: Self = Self { arrived: false, follows: 0, allocations: 0, change: f64::INFINITY };
+    const ARRIVED: Self = Self { arrived: true, ..Self::NONE };
+}
+
+impl Walk {
+    /// Share of the way at the station that is walked to.
+    #[must_use]
+    pub fn share(&self) -> f64 {
+        f64::from(self.station) / f64::from(self.stations)
+    }
+
+    /// True between two stations' ends: the last step reached one.
+    const fn is_at_station(&self) -> bool {
+        self.effort.arrived && self.station > 0
+    }
+
+    /// Extremes over the stations so far.
+    #[must_use]
+    pub const fn walked(&self) -> Walked {
+        self.walked
+    }
+}
+
+/// Where a step has brought a walk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Advance {
+    /// On the way.
+    Walking,
+    /// At its goal.
+    Arrived,
+    /// Nowhere further.
+    Ended(Obstacle),
+}
+
 /// A model that walks.
 #[derive(Debug, Clone)]
 pub struct Walker {
@@ -160,6 +221,8 @@ pub struct Walker {
     allocation: Allocation,
     expected: ExpectedPower,
     at: Present,
+    /// Greatest turn of a magnet between two stations, rad.
+    magnet_step: f64,
     magnets: usize,
     coils: usize,
     frames: usize,
@@ -176,6 +239,40 @@ impl Walker {
         manipulator: Manipulator,
         disturbance: f64,
     ) -> Self {
+        // What the law does not do, a walk does not do.
+        let share = |rate: f64| if rate > 0.0 { NULL_SPACE_SHARE } else { 0.0 };
+        let shares = [control.current_release_per_s, control.determinant_rate_per_s].map(share);
+        Self::with_shares(shares, control, description, manipulator, disturbance)
+    }
+
+    /// As [`Self::new`], in finer steps of `station` (rad) and with the tasks in the null space in the proportion that they have in the
+    /// loop: it passes where the loop passes, at the price of more steps.
+    #[must_use]
+    pub fn for_scout(
+        station: f64,
+        control: &ControlConfig,
+        description: &HardwareDescription,
+        manipulator: Manipulator,
+    ) -> Self {
+        let rates = [control.current_release_per_s, control.determinant_rate_per_s];
+        let most = rates[0].max(rates[1]).max(f64::MIN_POSITIVE);
+        let finer = (station / MAGNET_STEP).min(1.0);
+        let shares = rates.map(|rate| rate / most * NULL_SPACE_SHARE * finer);
+        let disturbance = SCOUT_DISTURBANCE;
+        Self {
+            magnet_step: station,
+            ..Self::with_shares(shares, control, description, manipulator, disturbance)
+        }
+    }
+
+    /// `shares` of currents released and of margin regained in one allocation.
+    fn with_shares(
+        [release, regained]: [f64; 2],
+        control: &ControlConfig,
+        description: &HardwareDescription,
+        manipulator: Manipulator,
+        disturbance: f64,
+    ) -> Self {
         let magnets = manipulator.magnet_count();
         let (coils, frames) = (description.coils.len(), description.frames.len());
         let [first, second, third] = description.manipulator.base_rotation;
@@ -183,8 +280,8 @@ impl Walker {
         // One allocation a second, whose slew is the step of a walk.
         let hurried = ControlConfig {
             frame_angles: FrameUse::Hold,
-            current_release_per_s: RELEASE_SHARE,
-            determinant_rate_per_s: MARGIN_SHARE,
+            current_release_per_s: release,
+            determinant_rate_per_s: regained,
             ..control.clone()
         };
         let mut stepped = description.clone();
@@ -193,6 +290,7 @@ impl Walker {
         model.follow(&Actuation::default());
         Self {
             at: model.present(),
+            magnet_step: MAGNET_STEP,
             model,
             error: OrientationError::new(OrientationErrorKind::TangentPlane, &base),
             allocation: Allocation::new(&hurried, &stepped, 2 * magnets),
@@ -232,6 +330,12 @@ impl Walker {
             self.settle()?;
         }
         Ok(())
+    }
+
+    /// Goes to where another model of the same rig is, with all that it knows; that must be at an equilibrium. Allocates no memory.
+    pub fn take_up(&mut self, model: &Model) {
+        self.model.take_up(model);
+        self.at = model.present();
     }
 
     /// Takes currents and angles straight to `actuation`.
@@ -280,31 +384,85 @@ impl Walker {
         bounds: &Bounds,
         wanted: impl Fn(&Walked) -> bool,
     ) -> Result<Walked, Stop> {
-        let from = Waypoint { directions: self.directions(), frame_angles: self.at.actuation.angle_rad };
-        let stations = self.stations(&from, goal);
-        let mut walked = Walked::NOWHERE;
-        for station in 1..=stations {
-            let share = f64::from(station) / f64::from(stations);
-            let there = self.between(&from, goal, share);
-            self.at.actuation.angle_rad = there.frame_angles;
-            let last = station == stations;
-            let tolerance = if last { bounds.tolerance } else { ERROR_ON_THE_WAY };
-            self.reach(&there.directions, tolerance, last)
-                .map_err(|obstacle| Stop::Obstacle(obstacle, share))?;
-            let here = self.posture();
-            walked = walked.then(&Walked {
-                current_max: greatest(&here.present.actuation.current_a),
-                margin_min: here.margin,
-                expected_max: here.expected,
-            });
-            if here.margin < bounds.margin_min || here.margin.is_nan() {
-                return Err(Stop::Obstacle(Obstacle::NearSnapThrough, share));
-            }
-            if !wanted(&walked) {
-                return Err(Stop::Dropped);
+        let mut walk = self.set_out(goal, bounds);
+        loop {
+            match self.advance(&mut walk) {
+                Advance::Walking if walk.is_at_station() && !wanted(&walk.walked) => {
+                    return Err(Stop::Dropped);
+                }
+                Advance::Walking => {}
+                Advance::Arrived if !wanted(&walk.walked) => return Err(Stop::Dropped),
+                Advance::Arrived => return Ok(walk.walked),
+                Advance::Ended(obstacle) => return Err(Stop::Obstacle(obstacle, walk.share())),
             }
         }
-        Ok(walked)
+    }
+
+    /// A walk from here to `goal`, to be advanced step by step; ends after finitely many.
+    #[must_use]
+    pub fn set_out(&self, goal: &Waypoint, bounds: &Bounds) -> Walk {
+        let from = Waypoint { directions: self.directions(), frame_angles: self.at.actuation.angle_rad };
+        Walk {
+            stations: self.stations(&from, goal),
+            from,
+            goal: *goal,
+            bounds: *bounds,
+            station: 0,
+            there: from.directions,
+            effort: Effort::ARRIVED,
+            walked: Walked::NOWHERE,
+        }
+    }
+
+    /// Takes one step of a walk: one call of the model, and at most one allocation. Allocates no memory.
+    pub fn advance(&mut self, walk: &mut Walk) -> Advance {
+        match self.step(walk) {
+            Ok(false) => Advance::Walking,
+            Ok(true) => Advance::Arrived,
+            Err(obstacle) => Advance::Ended(obstacle),
+        }
+    }
+
+    /// One step; true when the goal is reached.
+    fn step(&mut self, walk: &mut Walk) -> Result<bool, Obstacle> {
+        if walk.effort.arrived {
+            walk.station += 1;
+            let there = self.between(&walk.from, &walk.goal, walk.share());
+            self.at.actuation.angle_rad = there.frame_angles;
+            walk.there = there.directions;
+            walk.effort = Effort::NONE;
+        }
+        if !self.follow(&mut walk.effort.follows)? {
+            return Ok(false);
+        }
+        let effort = &mut walk.effort;
+        if effort.allocations > 0 && self.model.stability().unstable_modes > 0 {
+            return Err(Obstacle::BranchEnds);
+        }
+        let last = walk.station >= walk.stations;
+        let tolerance = if last { walk.bounds.tolerance } else { ERROR_ON_THE_WAY };
+        let close = self.error_to(&walk.there) <= tolerance;
+        let rests = !last || effort.change <= RELAXED;
+        if !(close && rests) && effort.allocations < ALLOCATIONS_MAX {
+            effort.change = self.approach(&walk.there);
+            effort.allocations += 1;
+            return Ok(false);
+        }
+        // Currents that still wander in the null space do not make a reached goal unreached.
+        if !close {
+            return Err(Obstacle::OutOfReach);
+        }
+        effort.arrived = true;
+        let here = self.posture();
+        walk.walked = walk.walked.then(&Walked {
+            current_max: greatest(&here.present.actuation.current_a),
+            margin_min: here.margin,
+            expected_max: here.expected,
+        });
+        if here.margin < walk.bounds.margin_min || here.margin.is_nan() {
+            return Err(Obstacle::NearSnapThrough);
+        }
+        Ok(last)
     }
 
     /// Greatest angle between a magnet and its direction, rad.
@@ -327,10 +485,10 @@ impl Walker {
     /// How many stations a way has.
     fn stations(&self, from: &Waypoint, to: &Waypoint) -> u32 {
         let magnets = from.directions.iter().zip(&to.directions).take(self.magnets);
-        let turns =
-            magnets.map(|(from, to)| angle_between(&Vector3::from(*from), &Vector3::from(*to)) / MAGNET_STEP);
+        let turns = magnets
+            .map(|(from, to)| angle_between(&Vector3::from(*from), &Vector3::from(*to)) / self.magnet_step);
         let frames = from.frame_angles.iter().zip(&to.frame_angles).take(self.frames);
-        let turned = frames.map(|(from, to)| (to - from).abs() / FRAME_STEP);
+        let turned = frames.map(|(from, to)| (to - from).abs() / (FRAME_RATIO * self.magnet_step));
         (turns.chain(turned).fold(0.0, f64::max).ceil() as u32).max(1)
     }
 
@@ -350,36 +508,24 @@ impl Walker {
 
     /// Brings the model to the equilibrium of the present actuation.
     fn settle(&mut self) -> Result<(), Obstacle> {
-        for _ in 0..FOLLOWS_MAX {
-            let report = self.model.follow(&self.at.actuation);
-            if !report.field_valid {
-                return Err(Obstacle::OutsideField);
-            }
-            if report.converged {
-                self.at = self.model.present();
-                return Ok(());
-            }
-        }
-        Err(Obstacle::BranchEnds)
+        let mut follows = 0;
+        while !self.follow(&mut follows)? {}
+        Ok(())
     }
 
-    /// Turns the magnets to `directions` with the frames as they stand; at the end of a walk also until the currents rest.
-    fn reach(&mut self, directions: &Directions, tolerance: f64, relax: bool) -> Result<(), Obstacle> {
-        self.settle()?;
-        let mut change = f64::INFINITY;
-        for _ in 0..ALLOCATIONS_MAX {
-            let close = self.error_to(directions) <= tolerance;
-            if close && (!relax || change <= RELAXED) {
-                return Ok(());
-            }
-            change = self.approach(directions);
-            self.settle()?;
-            if self.model.stability().unstable_modes > 0 {
-                return Err(Obstacle::BranchEnds);
-            }
+    /// One call of the model towards the present actuation; true when it is there.
+    fn follow(&mut self, follows: &mut u32) -> Result<bool, Obstacle> {
+        let report = self.model.follow(&self.at.actuation);
+        *follows += 1;
+        if !report.field_valid {
+            return Err(Obstacle::OutsideField);
         }
-        // Currents that still wander in the null space do not make a reached goal unreached.
-        if self.error_to(directions) <= tolerance { Ok(()) } else { Err(Obstacle::OutOfReach) }
+        if report.converged {
+            *follows = 0;
+            self.at = self.model.present();
+            return Ok(true);
+        }
+        if *follows >= FOLLOWS_MAX { Err(Obstacle::BranchEnds) } else { Ok(false) }
     }
 
     /// One allocation; returns the greatest change of a current, A.

@@ -7,6 +7,7 @@ use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::scripted::example_description;
 
+use crate::control::Verdict;
 use crate::daemon::config::{Limits, tests::shipped};
 use crate::daemon::state::{Directive, Request, Verb};
 use crate::daemon::supervisor::{Decision, Supervisor};
@@ -65,6 +66,8 @@ impl Bench {
             description_mismatch: false,
             model_converged: true,
             field_valid: true,
+            margin: 1.0,
+            verdict: Verdict::Unchecked,
             request_finite: true,
             write_failed: false,
             commanded_zero: true,

@@ -4,4 +4,5 @@
 mod bench;
 mod limits;
 mod random;
+mod stability;
 mod table;

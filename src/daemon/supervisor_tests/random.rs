@@ -3,6 +3,8 @@
 use rand::{RngExt, SeedableRng};
 
 use super::bench::Bench;
+use crate::control::Verdict;
+use crate::control::plan::Obstacle;
 use crate::daemon::state::{Directive, State, Verb};
 use crate::daemon::supervisor::Decision;
 use crate::daemon::trust::Astray;
@@ -31,7 +33,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
     let toss = |random: &mut rand_chacha::ChaCha8Rng, chance| random.random_bool(chance);
     // Faults come rarely and go soon, so that the machine also works.
     if toss(random, 0.004) {
-        match random.random_range(0..14) {
+        match random.random_range(0..17) {
             0 => bench.sensor_alive = false,
             1 => bench.driver_alive = false,
             2 => bench.seen.model_converged = false,
@@ -45,6 +47,12 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
             10 => bench.echo_alive = false,
             11 => bench.driver().life += 1,
             12 => bench.seen.pose_life = bench.seen.pose_life.map(|life| life + 1),
+            13 => bench.seen.margin = random.random_range(-0.5..0.3),
+            14 => bench.seen.margin = f64::NAN,
+            15 => {
+                let obstacle = Obstacle::BranchEnds;
+                bench.seen.verdict = Verdict::Refused { obstacle, progress: 0.5 };
+            }
             _ => bench.seen.request_finite = false,
         }
     }
@@ -52,6 +60,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
         (bench.sensor_alive, bench.driver_alive, bench.driver_obeys) = (true, true, true);
         (bench.seen.model_converged, bench.seen.request_finite, bench.seen.missed) = (true, true, 0);
         (bench.driver().fault, bench.driver().over_current) = (0, false);
+        (bench.seen.margin, bench.seen.verdict) = (1.0, Verdict::Unchecked);
         (bench.seen.pose_error, bench.seen.astray, bench.echo_alive) = (0.0, Astray::default(), true);
     }
     if !toss(random, 0.1) {
@@ -87,6 +96,13 @@ fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &
     }
     if matches!(after, State::Arming { .. }) && !matches!(before, State::Arming { .. }) {
         assert_eq!(verb, Some(Verb::Arm), "{context}");
+    }
+    if let State::Holding { near_snap: true, .. } = after {
+        assert_eq!(decision.directive, Directive::Hold, "currents are kept: {context}");
+    }
+    let was_near_snap = matches!(before, State::Holding { near_snap: true, .. });
+    if was_near_snap && decision.directive == Directive::Follow {
+        panic!("currents moved without another target, or in its very cycle: {context}");
     }
     if let (State::SafeStop { .. }, false) = (before, matches!(after, State::SafeStop { .. })) {
         assert!(matches!(after, State::Idle | State::Fault { .. }), "{context}");

@@ -4,6 +4,8 @@ use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, state};
 
 use super::bench::Bench;
+use crate::control::Verdict;
+use crate::control::plan::Obstacle;
 use crate::daemon::state::Verb;
 use crate::daemon::supervisor::Decision;
 
@@ -27,6 +29,9 @@ enum Event {
     EchoStops,
     DriverRestarts,
     SensorRestarts,
+    TargetRefused,
+    NearSnap,
+    Snapped,
 }
 
 impl Event {
@@ -51,6 +56,12 @@ impl Event {
             Self::EchoStops => bench.echo_alive = false,
             Self::DriverRestarts => bench.driver().life += 1,
             Self::SensorRestarts => bench.seen.pose_life = Some(42),
+            Self::TargetRefused => {
+                let obstacle = Obstacle::BranchEnds;
+                bench.seen.verdict = Verdict::Refused { obstacle, progress: 0.5 };
+            }
+            Self::NearSnap => bench.seen.margin = 0.05,
+            Self::Snapped => bench.seen.margin = -0.05,
         }
         bench.cycles(500)
     }
@@ -62,11 +73,11 @@ impl Event {
 fn every_event_in_every_state_leads_where_the_table_says() {
     use Event::{
         Ask, AuthorityLost, DriverCut, DriverFault, DriverRestarts, EchoStops, FeedbackStops, FieldInvalid,
-        ModelFails, NotFollowing, OverCurrent, Overruns, PosesDisagree, PosesStop, RequestNotFinite,
-        SensorRestarts, WritesFail,
+        ModelFails, NearSnap, NotFollowing, OverCurrent, Overruns, PosesDisagree, PosesStop,
+        RequestNotFinite, SensorRestarts, Snapped, TargetRefused, WritesFail,
     };
     let target = [[0.0, 0.0, 1.0]; 8];
-    let table: [(Event, &str, Option<Cause>); 24] = [
+    let table: [(Event, &str, Option<Cause>); 27] = [
         //                              biachsf
         (Ask(Verb::Arm), "baachsf", None),
         (Ask(Verb::Go), "bicccsf", None),
@@ -92,6 +103,9 @@ fn every_event_in_every_state_leads_where_the_table_says() {
         (EchoStops, "bifffsf", Some(Cause::FeedbackStale)),
         (DriverRestarts, "bifffsf", Some(Cause::AuthorityLost)),
         (SensorRestarts, "biaffsf", Some(Cause::SensorRestarted)),
+        (TargetRefused, "biachsf", None),
+        (NearSnap, "biahhsf", None),
+        (Snapped, "biaffsf", Some(Cause::StabilityLost)),
     ];
     let letters = ["b", "i", "a", "c", "h", "s", "f"];
     for (event, row, cause) in table {
