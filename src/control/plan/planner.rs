@@ -1,6 +1,7 @@
 //! Global search over frame settings: what can be asked of it. How it goes is in `search`.
 
 use magsteer_hal::{Actuation, HardwareDescription, POSE_PARAMETERS_MAX};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::config::PlanConfig;
@@ -9,10 +10,14 @@ use super::search::Tried;
 use super::walker::{Bounds, Obstacle, Posture, Walked, Walker, Waypoint};
 use crate::control::config::ControlConfig;
 use crate::control::cycle::Directions;
+use crate::math::{along_great_circle, logarithm};
 use crate::rod::Manipulator;
 
 /// By how much worse the direct way may be than one by way of rest, as a ratio of scores, and still be preferred.
 const DIRECT_PREFERENCE: f64 = 2.0;
+
+/// Shares of the way to a target at which frames may turn once more.
+const EASIER: [f64; 2] = [0.85, 0.65];
 
 /// Frame angles, rad.
 pub(super) type Setting = [f64; POSE_PARAMETERS_MAX];
@@ -146,12 +151,24 @@ impl Planner {
         Ok(Standing { posture, home })
     }
 
-    /// The best way from rest to `target`.
+    /// The best way from rest to `target`; where no single setting leads there, one by way of an easier target, with other frames there.
     ///
     /// # Errors
     /// When no setting arrives.
     pub fn from_rest(&self, target: &Directions) -> Result<Plan, Unreached> {
-        self.search_from_rest(target)
+        self.search_from_rest(target).or_else(|unreached| self.by_way_of_easier(target).ok_or(unreached))
+    }
+
+    /// A way on which the frames turn once more while the magnets are held up, part of the way out.
+    fn by_way_of_easier(&self, target: &Directions) -> Option<Plan> {
+        EASIER.iter().find_map(|share| {
+            let halfway = between(&self.rest.posture.directions, target, *share);
+            let easier = self.search_from_rest(&halfway).ok()?;
+            let onward = self.search_from(&easier.posture, target).ok()?;
+            let waypoints = easier.waypoints.iter().chain(&onward.waypoints).copied().collect();
+            let whole = self.walk_through(&self.rest.posture, waypoints).ok()?;
+            Some(Plan { home: onward.home, ..whole })
+        })
     }
 
     /// A way from rest to `target` with the frames held at one setting, as an array without frames would have it.
@@ -214,4 +231,14 @@ impl Planner {
         let short = (self.margin_wanted / walked.margin_min).max(1.0);
         walked.expected_max * short * short
     }
+}
+
+/// Directions a share of the way along great circles.
+fn between(from: &Directions, to: &Directions, share: f64) -> Directions {
+    let mut there = *to;
+    for (there, (from, to)) in there.iter_mut().zip(from.iter().zip(to)) {
+        let (from, to) = (Vector3::from(*from), Vector3::from(*to));
+        *there = along_great_circle(&from, &(logarithm(&from, &to) * share), &Vector3::zeros()).0.into();
+    }
+    there
 }
