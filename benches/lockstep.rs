@@ -67,11 +67,11 @@ struct Shipped {
 }
 
 impl Shipped {
-    fn load(name: &str) -> Self {
+    fn load(name: &str, experiment: &str) -> Self {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config");
         let (document, config) = Config::load(&folder.join(name)).expect("shipped");
         let plant = document.section("plant").expect("shipped");
-        let experiment = Document::load(&folder.join("experiments/planar.toml")).expect("shipped");
+        let experiment = Document::load(&folder.join("experiments").join(experiment)).expect("shipped");
         let experiment = Experiment::from_document(&experiment, &config.description).expect("shipped");
         let target = |step| experiment.target(step, &config.description);
         let steps = experiment.steps.iter();
@@ -145,8 +145,12 @@ fn main() {
     if std::env::args().any(|argument| argument == "--test" || argument == "--list") {
         return;
     }
-    for name in ["bigmag-planar.toml", "bigmag-planar-camera.toml"] {
-        let shipped = Shipped::load(name);
+    for (name, experiment) in [
+        ("bigmag-planar.toml", "planar.toml"),
+        ("bigmag-planar-camera.toml", "planar.toml"),
+        ("bigmag-3d.toml", "pointing.toml"),
+    ] {
+        let shipped = Shipped::load(name, experiment);
         let plain = (0..TURNS)
             .map(|_| shipped.play(shipped.rig(), shipped.controller(), |rig| rig.plant().truth(), None));
         let plain: Vec<_> = plain.collect();

@@ -141,8 +141,8 @@ fn frames_return_home_when_nothing_else_moves_them() {
 #[test]
 fn the_primary_task_is_met_alike_with_and_without_the_tasks_of_the_frames() {
     let mut random = seeded(21);
-    let [mut with, mut without] =
-        [(20.0, 1.0), (0.0, 0.0)].map(|(conditioning, centering)| Bench::new(&POSTURE, conditioning, centering));
+    let [mut with, mut without] = [(20.0, 1.0), (0.0, 0.0)]
+        .map(|(conditioning, centering)| Bench::new(&POSTURE, conditioning, centering));
     for _ in 0..50 {
         let step = numbers(ROWS, 1e-4, &mut random);
         let left = [&mut with, &mut without].map(|bench| {
@@ -152,7 +152,8 @@ fn the_primary_task_is_met_alike_with_and_without_the_tasks_of_the_frames() {
             bench.model.follow(&bench.at);
             let jacobian = bench.jacobian();
             let increment = bench.step(&step);
-            let done = jacobian.chunks_exact(8).map(|row| row.iter().zip(&increment).map(|(a, b)| a * b).sum());
+            let done =
+                jacobian.chunks_exact(8).map(|row| row.iter().zip(&increment).map(|(a, b)| a * b).sum());
             DVector::from_vec(step.clone()) - DVector::from_iterator(ROWS, done)
         });
         let apart = (&left[0] - &left[1]).norm();
