@@ -1,8 +1,8 @@
 //! The stability of equilibria of the shipped manipulators against the Hessian of a chain of rigid links.
 //!
-//! Goal: at random equilibria, on the branch from rest and on others, stable and not, the second variation counts as many unstable modes
-//! as the discretised energy's Hessian has negative eigenvalues, and its margin is the Hessian's lowest eigenvalue relative to the
-//! elastic part.
+//! Goal: at random equilibria, on the branch from rest and on others, stable and not, the second variation
+//! counts as many unstable modes as the discretised energy's Hessian has negative eigenvalues, and its margin
+//! is the Hessian's lowest eigenvalue relative to the elastic part.
 
 #[path = "equilibrium_stability/links.rs"]
 mod links;
@@ -50,8 +50,8 @@ impl Rig {
         Self { array: CoilArray::new(&bigmag), description, manipulators }
     }
 
-    /// The spectrum by chains of links laid along the equilibria near `unknowns`, extrapolated from second to fourth order in the links'
-    /// length; `None` when a chain has no equilibrium close by.
+    /// The spectrum by chains of links laid along the equilibria near `unknowns`, extrapolated from second to
+    /// fourth order in the links' length; `None` when a chain has no equilibrium close by.
     fn spectrum(&self, field: &impl AppliedField, unknowns: &Vector6<f64>) -> Option<Vec<f64>> {
         let [coarse, fine] = self.manipulators.each_ref().map(|manipulator| {
             let mut pass = Pass::new(manipulator);
@@ -103,7 +103,12 @@ impl Seen {
             "{modes} of {certain} to {possible}, {stability:?}, {:?}",
             &eigenvalues[..6]
         );
-        assert_eq!(modes % 2 == 0, pass.determinant() > 0.0, "{stability:?}, {}", pass.determinant());
+        assert_eq!(
+            modes.is_multiple_of(2),
+            pass.determinant() > 0.0,
+            "{stability:?}, {}",
+            pass.determinant()
+        );
         self.undecided += usize::from(certain != possible);
         self.modes_max = self.modes_max.max(modes);
         if modes == 0 { self.stable += 1 } else { self.unstable += 1 }

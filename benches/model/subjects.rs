@@ -28,6 +28,7 @@ pub enum Subject {
     Pass,
     PassFrozen,
     PassPoses,
+    PassStability,
     CycleStep,
     PassEightMagnets,
 }
@@ -40,13 +41,14 @@ impl Display for Subject {
 
 impl Subject {
     /// Every subject.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::CoilField,
         Self::ArrayField,
         Self::ArrayPose,
         Self::Pass,
         Self::PassFrozen,
         Self::PassPoses,
+        Self::PassStability,
         Self::CycleStep,
         Self::PassEightMagnets,
     ];
@@ -60,6 +62,7 @@ impl Subject {
             Self::Pass => "pass: statics, Newton step, Jacobian; 2 magnets, 8 parameters",
             Self::PassFrozen => "pass with frozen wrenches",
             Self::PassPoses => "pass with Jacobians of whole poses",
+            Self::PassStability => "pass with margin of stability and unstable modes",
             Self::CycleStep => "control cycle, steering",
             Self::PassEightMagnets => "pass with 8 magnets, 32 coils and 2 frames",
         }
@@ -91,6 +94,7 @@ impl Subject {
             Self::PassPoses => {
                 pass(&rig, manipulator, PassMode { poses: true, wrenches: Wrenches::Following })
             }
+            Self::PassStability => pass_stability(&rig, manipulator),
             Self::CycleStep => cycle_step(),
             Self::PassEightMagnets => pass_eight_magnets(),
         }
@@ -152,6 +156,24 @@ fn pass(rig: &HardwareDescription, manipulator: Manipulator, mode: PassMode) -> 
         let field = black_box(&posed).actuated(black_box(&CURRENTS));
         manipulator.pass(&field, &load, black_box(&unknowns), mode, &mut pass);
         black_box(&pass);
+    })
+}
+
+/// Under currents that change by a thousandth from call to call, as they do from cycle to cycle.
+fn pass_stability(rig: &HardwareDescription, manipulator: Manipulator) -> Box<dyn FnMut()> {
+    let posed = CoilArray::new(rig).posed(&ANGLES);
+    let mut pass = Pass::new(&manipulator);
+    let (load, mode) = (TipLoad::NONE, PassMode::default());
+    let found = manipulator.solve_from_rest(&posed.actuated(&CURRENTS), &load, mode, &mut pass);
+    assert!(found.converged(), "{found:?}");
+    let unknowns = pass.unknowns();
+    let currents = [CURRENTS, CURRENTS.map(|current| 1.001 * current)];
+    let mut turn = 0;
+    Box::new(move || {
+        turn = 1 - turn;
+        let field = black_box(&posed).actuated(black_box(&currents[turn]));
+        manipulator.pass(&field, &load, black_box(&unknowns), mode, &mut pass);
+        black_box(manipulator.stability(&mut pass));
     })
 }
 

@@ -26,7 +26,7 @@ const STAY: f64 = 2.0;
 const PASS: f64 = 0.5;
 /// Speeds at which the time of a leg is reckoned: the frames' own, and a fraction of the magnets'.
 const FRAME_SPEED: f64 = 45.0_f64.to_radians();
-const MAGNET_SPEED: f64 = 120.0_f64.to_radians();
+const MAGNET_SPEED: f64 = 50.0_f64.to_radians();
 /// Greatest angle between truth and model at the end of a step of a rod that is where the model says, rad.
 const SAME_BRANCH: f64 = 30.0_f64.to_radians();
 
@@ -35,7 +35,7 @@ fn main() {
     let (count, cones) = numbers.split_first().map_or((40, &[30.0, 60.0][..]), |(count, cones)| {
         (*count as usize, if cones.is_empty() { &[30.0, 60.0][..] } else { cones })
     });
-    for name in ["bigmag-planar.toml", "bigmag-14.toml"] {
+    for name in ["bigmag-3d.toml", "bigmag-14.toml"] {
         let setup = Setup::shipped(name);
         for cone in cones {
             survey(name, &setup, *cone, count);

@@ -30,6 +30,7 @@ fn settings(winding: WindingCharacter, pairs: &[CouplingPair]) -> ActuationSetti
             couplings: Couplings::new(6, pairs).expect("weak"),
         },
         motor: MotorCharacter { acceleration_max: 3.5, backlash: 0.0, encoder_step: 0.0 },
+        frame_start: [0.0; POSE_PARAMETERS_MAX],
         watch: WatchSettings {
             current_deviation_max: 100.0,
             idle_current_max: 100.0,

@@ -33,6 +33,8 @@ fn values_out_of_range_are_refused_by_their_keys() {
         ("/motor/acceleration_max_deg_per_s2", json!(0.0)),
         ("/motor/backlash_deg", json!(-0.1)),
         ("/motor/encoder_step_deg", json!(11.0)),
+        ("/motor/start_deg", json!({ "bottom": 181.0 })),
+        ("/motor/start_deg", json!({ "middle": 10.0 })),
         // A ramp at 300 A/s lags by 0.39 A at 200 Hz and 500 us.
         ("/driver/follow_error_max_a", json!(0.38)),
         ("/driver/idle_current_max_a", json!(0.0)),

@@ -14,6 +14,7 @@ use super::field::Field;
 use super::operator::RequestArgs;
 use super::output;
 use super::plan::Plan;
+use super::reach::Reach;
 use super::run::Run;
 use super::shape::Shape;
 #[cfg(feature = "sim")]
@@ -66,6 +67,7 @@ pub enum Command {
     Field(Field),
     Shape(Shape),
     Plan(Plan),
+    Reach(Reach),
     Tune(Tune),
 }
 
@@ -92,6 +94,7 @@ impl Command {
             Self::Field(command) => command.run(),
             Self::Shape(command) => command.run(),
             Self::Plan(command) => command.run(),
+            Self::Reach(command) => command.run(),
             Self::Tune(command) => command.run(),
         }
     }

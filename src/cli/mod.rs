@@ -23,6 +23,7 @@ mod output;
 mod overlay;
 mod plan;
 mod play;
+mod reach;
 mod rig_file;
 mod run;
 #[cfg(feature = "sim")]

@@ -66,7 +66,10 @@ impl Config {
         let manipulator = rod
             .zip(description.as_ref())
             .and_then(|(rod, description)| gatherer.accept(rod.build(description)));
-        let control = gatherer.section("control", ControlConfig::check);
+        let control: Option<ControlConfig> = gatherer.section("control", ControlConfig::check);
+        if let (Some(control), Some(description)) = (&control, &description) {
+            gatherer.refuse(control.check_rig(description));
+        }
         let daemon = gatherer.section("daemon", DaemonConfig::check);
         let campaign: Option<CampaignConfig> = gatherer.section("campaign", |_| Vec::new());
         if let Some(campaign) = &campaign {

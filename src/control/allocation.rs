@@ -3,18 +3,20 @@
 //! | symbol | meaning |
 //! |---|---|
 //! | `J` | orientation Jacobian (16), rows per ampere and per radian |
-//! | `s` | range of each actuation parameter: greatest current, greatest turn of the frame |
+//! | `s` | range of each actuation parameter: greatest current; of a frame its greatest turn, or its share |
 //! | `x` | increment over range |
 //! | `dPhi` | wanted orientation step |
 //!
 //! Method `bounded`: minimise `|J s x - dPhi|^2 + d |x - x_pref|^2` within the limits on value and rate. `x_pref` lies in the null space of
-//! `J s`: it lets currents decay, and stiffens the rod where the determinant of its residual's Jacobian is too small. Method `truncated-svd`: eqs. (18) and (19) over the same scaled
-//! parameters, then the whole step shortened until the first limit is met. Scaling is a deviation from (18), which mixes amperes and radians.
+//! `J s`: it is what the secondary tasks want (`secondary.rs`). A frame's range is its share: small, so that the currents turn the magnets as long as they can.
+//! Method `truncated-svd`: eqs. (18) and (19) over parameters scaled by their whole ranges, then the whole step shortened until the first limit is met; no secondary
+//! tasks. Scaling is a deviation from (18), which mixes amperes and radians.
 
 use magsteer_hal::{Actuation, HardwareDescription, POSE_PARAMETERS_MAX};
 use serde::{Deserialize, Serialize};
 
 use super::config::{ControlConfig, FrameUse};
+use super::secondary::{SecondaryTasks, stopping_speed};
 use crate::math::{BoundedLeastSquares, BoundedProblem, ThinSvd};
 
 /// How increments are chosen.
@@ -29,15 +31,17 @@ pub enum AllocationKind {
 
 /// Limits of one actuation parameter.
 #[derive(Debug, Clone, Copy)]
-struct Limits {
+pub(super) struct Limits {
     least: f64,
     most: f64,
-    /// Rate that steering may use.
-    rate: f64,
+    /// Rate that steering may use; 0 for what it may not move.
+    pub(super) rate: f64,
     /// Rate that the parameter is capable of.
     speed: f64,
     /// Range by which the parameter is scaled.
-    range: f64,
+    pub(super) range: f64,
+    /// Of its rate; infinite where it is no matter.
+    acceleration: f64,
 }
 
 /// What one cycle wants.
@@ -55,6 +59,8 @@ pub struct Wish<'a> {
     pub determinant: f64,
     /// Its change with each parameter, 1/A and 1/rad.
     pub determinant_gradient: &'a [f64],
+    /// Expected power (p1), A^2, and the change of its logarithm with each parameter, 1/A and 1/rad; none where it is not followed.
+    pub expected_power: Option<(f64, &'a [f64])>,
     /// Where the frames shall be at the end of the cycle, rad: they go there as far as their speed lets them, and the currents undo
     /// what that does to the magnets. `None` where the frames are the allocation's own.
     pub frame_angles: Option<&'a [f64; POSE_PARAMETERS_MAX]>,
@@ -63,7 +69,7 @@ pub struct Wish<'a> {
 /// What an allocation did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Allocated {
-    /// Ratio of the largest to the smallest singular value in use of the scaled Jacobian.
+    /// Ratio of the largest to the smallest singular value in use of the scaled Jacobian, of its currents alone by `bounded`.
     pub condition: f64,
     /// Parameters at a limit.
     pub saturated: u32,
@@ -74,17 +80,13 @@ pub struct Allocated {
 pub struct Allocation {
     kind: AllocationKind,
     damping: f64,
-    release: f64,
-    determinant_wanted: f64,
-    determinant_rate: f64,
     ratio_max: f64,
     coils: usize,
     limits: Vec<Limits>,
     solver: BoundedLeastSquares,
+    secondary: SecondaryTasks,
     svd: ThinSvd,
     scaled: Vec<f64>,
-    preferred: Vec<f64>,
-    away: Vec<f64>,
     lower: Vec<f64>,
     upper: Vec<f64>,
     increment: Vec<f64>,
@@ -102,31 +104,32 @@ impl Allocation {
             rate: coil.slew_max,
             speed: coil.slew_max,
             range: coil.current_max,
+            acceleration: f64::INFINITY,
         });
         let held = config.frame_angles == FrameUse::Hold;
+        let secondary = config.secondary.as_ref().filter(|_| config.allocation == AllocationKind::Bounded);
         let angles = description.frames.iter().map(|frame| Limits {
             least: frame.angle_min,
             most: frame.angle_max,
             rate: if held { 0.0 } else { frame.speed_max },
             speed: frame.speed_max,
-            range: frame.angle_max.abs().max(frame.angle_min.abs()),
+            range: secondary.map_or(frame.angle_max.abs().max(frame.angle_min.abs()), |secondary| {
+                secondary.frame_share_deg.to_radians()
+            }),
+            acceleration: config.reference_frame_acceleration_max_deg_per_s2.to_radians(),
         });
         let limits: Vec<Limits> = currents.chain(angles).collect();
         let unknowns = limits.len();
         Self {
             kind: config.allocation,
             damping: config.damping,
-            release: config.current_release_per_s,
-            determinant_wanted: config.determinant_wanted,
-            determinant_rate: config.determinant_rate_per_s,
             ratio_max: config.singular_ratio_max,
             coils: description.coils.len(),
             limits,
             solver: BoundedLeastSquares::new(rows, unknowns),
+            secondary: SecondaryTasks::new(config, description, rows),
             svd: ThinSvd::new(rows, unknowns),
             scaled: vec![0.0; rows * unknowns],
-            preferred: vec![0.0; unknowns],
-            away: vec![0.0; unknowns],
             lower: vec![0.0; unknowns],
             upper: vec![0.0; unknowns],
             increment: vec![0.0; unknowns],
@@ -149,12 +152,8 @@ impl Allocation {
         if let Some(angles) = wish.frame_angles {
             self.prescribe(angles, wish);
         }
-        self.svd.decompose(&self.scaled);
-        let saturated = match self.kind {
-            AllocationKind::Bounded => {
-                self.prefer(wish);
-                self.bounded()
-            }
+        let (condition, saturated) = match self.kind {
+            AllocationKind::Bounded => self.bounded(wish),
             AllocationKind::TruncatedSvd => self.truncated(),
         };
         if let Some(angles) = wish.frame_angles {
@@ -162,10 +161,16 @@ impl Allocation {
                 self.increment[frame] = self.prescribed(frame, angles, wish);
             }
         }
+        self.secondary.note(&self.increment, &self.limits, wish.period);
         for (increment, limits) in self.increment.iter_mut().zip(&self.limits) {
             *increment *= limits.range;
         }
-        Allocated { condition: self.svd.condition(self.ratio_max), saturated }
+        Allocated { condition, saturated }
+    }
+
+    /// To be called while nothing is allocated: the frames then set out from standstill.
+    pub fn rest(&mut self) {
+        self.secondary.rest();
     }
 
     /// Increments chosen last, A then rad.
@@ -178,36 +183,12 @@ impl Allocation {
     fn bound(&mut self, wish: &Wish<'_>) {
         let present = wish.admitted.current_a[..self.coils].iter().chain(&wish.admitted.angle_rad);
         for (index, (limits, present)) in self.limits.iter().zip(present).enumerate() {
-            let reach = limits.rate * wish.period;
-            let lower = (limits.least - present).max(-reach).min(0.0);
-            let upper = (limits.most - present).min(reach).max(0.0);
+            let rate = |distance: f64| limits.rate.min(stopping_speed(distance, limits.acceleration));
+            let [below, above] = [present - limits.least, limits.most - present];
+            let lower = (-below).max(-rate(below) * wish.period).min(0.0);
+            let upper = above.min(rate(above) * wish.period).max(0.0);
             self.lower[index] = lower / limits.range;
             self.upper[index] = upper / limits.range;
-        }
-    }
-
-    /// Where to go as far as the magnets do not turn: currents decay, and a lost determinant is regained at its rate.
-    fn prefer(&mut self, wish: &Wish<'_>) {
-        for (index, (preferred, limits)) in self.preferred.iter_mut().zip(&self.limits).enumerate() {
-            let present = if index < self.coils { wish.admitted.current_a[index] } else { 0.0 };
-            *preferred = -present * self.release * wish.period / limits.range;
-        }
-        self.svd.project_to_null_space(self.ratio_max, &mut self.preferred);
-        let lost = self.determinant_wanted - wish.determinant;
-        if lost <= 0.0 {
-            return;
-        }
-        for ((away, gradient), limits) in
-            self.away.iter_mut().zip(wish.determinant_gradient).zip(&self.limits)
-        {
-            *away = if limits.rate > 0.0 { gradient * limits.range } else { 0.0 };
-        }
-        self.svd.project_to_null_space(self.ratio_max, &mut self.away);
-        let slope: f64 = self.away.iter().map(|entry| entry * entry).sum();
-        // A flat determinant would be chased without end: a slope below 1 over the whole range is taken as 1.
-        let length = lost.min(self.determinant_wanted) * self.determinant_rate * wish.period / slope.max(1.0);
-        for (preferred, away) in self.preferred.iter_mut().zip(&self.away) {
-            *preferred += away * length;
         }
     }
 
@@ -235,20 +216,23 @@ impl Allocation {
         }
     }
 
-    fn bounded(&mut self) -> u32 {
+    /// Condition and parameters at a limit.
+    fn bounded(&mut self, wish: &Wish<'_>) -> (f64, u32) {
+        self.secondary.prefer(wish, &self.scaled, &self.limits, &mut self.lower, &mut self.upper);
         let report = self.solver.solve(&BoundedProblem {
             matrix: &self.scaled,
             right: &self.step,
             damping: self.damping,
-            preferred: &self.preferred,
+            preferred: self.secondary.preferred(),
             lower: &self.lower,
             upper: &self.upper,
         });
         self.increment.copy_from_slice(self.solver.solution());
-        report.at_bound
+        (self.secondary.condition(), report.at_bound)
     }
 
-    fn truncated(&mut self) -> u32 {
+    fn truncated(&mut self) -> (f64, u32) {
+        self.svd.decompose(&self.scaled);
         self.svd.pseudo_solve(&self.step, self.ratio_max, &mut self.increment); // (18), (19)
         let mut fraction = 1.0_f64;
         let mut saturated = 0;
@@ -262,6 +246,6 @@ impl Allocation {
         for x in &mut self.increment {
             *x *= fraction;
         }
-        saturated
+        (self.svd.condition(self.ratio_max), saturated)
     }
 }

@@ -1,5 +1,6 @@
 //! `[control]` of the configuration file.
 
+use magsteer_hal::HardwareDescription;
 use magsteer_hal::invalid::{Checks, Invalid};
 use serde::{Deserialize, Serialize};
 
@@ -10,6 +11,7 @@ use super::error::OrientationErrorKind;
 use super::feedback::FeedbackKind;
 use super::plan::PlanConfig;
 use super::scout::ScoutConfig;
+use super::secondary::SecondaryConfig;
 
 /// `[control]`: the law from error to actuation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,6 +59,8 @@ pub struct ControlConfig {
     pub determinant_rate_per_s: f64,
     /// `"steer"` to turn the frames, `"hold"` to leave them where they are.
     pub frame_angles: FrameUse,
+    /// What moves the frames while the currents hold the targets; needed where frames steer.
+    pub secondary: Option<SecondaryConfig>,
     /// Most shooting passes in one cycle, 1 to 20.
     pub passes_max: u32,
     /// How frame angles are planned; needed by what plans.
@@ -69,7 +73,7 @@ pub struct ControlConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrameUse {
-    /// Frames turn together with the currents.
+    /// Frames turn to where the currents have it easier, and help them where they are exhausted.
     Steer,
     /// Frames stay.
     Hold,
@@ -106,6 +110,11 @@ impl ControlConfig {
         if let Some(scout) = &self.scout {
             scout.check(&mut checks);
         }
+        let told = self.secondary.is_some() || self.frame_angles == FrameUse::Hold;
+        checks.require(told, "control.secondary", "nothing", "given, since `frame_angles` is \"steer\"");
+        if let Some(secondary) = &self.secondary {
+            secondary.check(&mut checks);
+        }
         let told = self.disturbance.is_some() || self.feedback == FeedbackKind::DelayedReference;
         checks.require(
             told,
@@ -117,5 +126,11 @@ impl ControlConfig {
             disturbance.check(&mut checks);
         }
         checks.into_result(()).err().unwrap_or_default()
+    }
+
+    /// What does not fit the rig of `description`, keyed from the root of the file.
+    #[must_use]
+    pub fn check_rig(&self, description: &HardwareDescription) -> Vec<Invalid> {
+        self.secondary.as_ref().map_or_else(Vec::new, |secondary| secondary.check_rig(description))
     }
 }

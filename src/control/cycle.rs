@@ -16,7 +16,7 @@ use rayon::{ThreadPool, ThreadPoolBuildError};
 
 use super::algorithm_1::{Algorithm1, HeldPose, JacobianKind, PoseSource, Present};
 use super::allocation::{Allocation, Wish};
-use super::config::ControlConfig;
+use super::config::{ControlConfig, FrameUse};
 use super::error::OrientationError;
 use super::feedback::{Feedback, Seen};
 use super::model::Model;
@@ -181,14 +181,16 @@ impl Cycle {
         let [first, second, third] = description.manipulator.base_rotation;
         let base = Matrix3::from_rows(&[first.into(), second.into(), third.into()]);
         let chosen = config.algorithm_1.as_ref().filter(|_| config.jacobian == JacobianKind::Algorithm1);
+        let mut model = Model::new(description, manipulator.clone(), config.passes_max);
+        if let Some(secondary) = config.secondary.as_ref().filter(|_| config.frame_angles == FrameUse::Steer)
+        {
+            model.follow_expected_power(secondary.disturbance_deg.to_radians());
+        }
         Self {
             algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator.clone())),
             held_at: chosen.map_or(PoseSource::Modelled, |chosen| chosen.magnet_poses),
-            scout: config
-                .scout
-                .as_ref()
-                .map(|scout| Scout::new(scout, config, description, manipulator.clone())),
-            model: Model::new(description, manipulator, config.passes_max),
+            scout: config.scout.as_ref().map(|scout| Scout::new(scout, config, description, manipulator)),
+            model,
             error: OrientationError::new(config.orientation_error, &base),
             reference: Reference::new(magnets, &Pacing::new(config, description)),
             feedback: Feedback::new(config, magnets),
@@ -294,6 +296,7 @@ impl Cycle {
             period: input.period,
             determinant: self.model.determinant(),
             determinant_gradient: self.model.determinant_gradient(),
+            expected_power: self.model.expected_power(),
             frame_angles: self.reference.frame_angles().as_ref(),
         });
         let increment = self.allocation.increment();
@@ -319,6 +322,7 @@ impl Cycle {
             *direction = self.actual(magnet);
         }
         self.reference.reset(&directions, &admitted.angle_rad);
+        self.allocation.rest();
         let reference = self.reference.directions();
         self.feedback.reset(&reference);
         if let Some(scout) = &mut self.scout {
@@ -337,6 +341,10 @@ impl Cycle {
                 (scout.lead(&input.target, &standing), scout.verdict())
             }
         };
+        if in_force.frame_angles.is_none() {
+            // The secondary tasks turn the frames: a later goal sets out from where they are.
+            self.reference.reset_frames(&input.admitted.angle_rad);
+        }
         self.reference.advance(&in_force, input.period);
         self.feedback.follow(&self.reference.directions(), input.period);
         (in_force, verdict)

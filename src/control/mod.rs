@@ -19,8 +19,10 @@ mod integral;
 mod model;
 mod past;
 pub mod plan;
+mod probe;
 mod reference;
 mod scout;
+mod secondary;
 
 #[cfg(test)]
 mod tests;
@@ -36,3 +38,4 @@ pub use integral::ProportionalIntegral;
 pub use model::Model;
 pub use reference::{Limits, Pacing, Reference, ReferenceTarget};
 pub use scout::{ScoutConfig, Verdict, margin_allowed};
+pub use secondary::SecondaryConfig;

@@ -11,15 +11,16 @@
 //! What the allocation raises in the null space of the targets is the determinant of the residual's Jacobian instead, the product of all
 //! eigenvalues: 1 without loads and 0 at a snap-through as well, but it counts the deformations that loads stiffen too, on which
 //! the loop's swing depends. Of 200 random plants all settle with a determinant of 2 wanted, and 86 % with a margin of 0.5, which fail at
-//! (60, 90): there both hold a margin of 0.4, with determinants of 1.9 and 0.7. Its gradient with the actuation comes from one extra
-//! pass a cycle, for one parameter after another.
+//! (60, 90): there both hold a margin of 0.4, with determinants of 1.9 and 0.8. Its gradient with the actuation, and on request that
+//! of the expected power, come from one extra pass a cycle, for one parameter after another.
 
 use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
 
 use super::algorithm_1::{HeldPose, Present};
 use super::cycle::ModelReport;
-use crate::magnetics::{ActuatedArray, AppliedField, CoilArray, FieldSample, PARAMETERS_MAX, PosedArray};
+use super::probe::Probe;
+use crate::magnetics::{CoilArray, PARAMETERS_MAX, PosedArray};
 use crate::rod::{Manipulator, Pass, PassMode, Stability, TipLoad};
 
 /// Scaled residual below which a pass's sensitivities are used: the distance to equilibrium is then some 1e-4 of the
@@ -34,9 +35,6 @@ const REACH_MIN: f64 = 1e-3;
 /// Share that it tries first on the way back from rest.
 const REACH_FROM_REST: f64 = 0.05;
 
-/// Share of a parameter's range by which it is moved to see how the determinant changes: far above rounding, far below curvature.
-const PROBE_SHARE: f64 = 1e-3;
-
 /// Array and manipulator at the present actuation.
 #[derive(Debug, Clone)]
 pub struct Model {
@@ -50,20 +48,7 @@ pub struct Model {
     frames: usize,
     good: Good,
     stability: Stability,
-    stiffness: Stiffness,
-}
-
-/// Determinant of the residual's Jacobian and how it changes with the actuation.
-#[derive(Debug, Clone)]
-struct Stiffness {
-    determinant: f64,
-    gradient: Vec<f64>,
-    /// Parameter probed next.
-    cursor: usize,
-    /// Step of each parameter, A or rad.
-    steps: Vec<f64>,
-    posed: PosedArray,
-    pass: Pass,
+    probe: Probe,
 }
 
 /// The last equilibrium on the model's way, from which every cycle sets out.
@@ -79,19 +64,6 @@ struct Anchor {
     reach: f64,
     /// Unknowns without currents.
     rest: Vector6<f64>,
-}
-
-/// The array as a field that nothing steers: a pass through it carries no columns of parameters.
-struct Unsteered<'a>(ActuatedArray<'a>);
-
-impl AppliedField for Unsteered<'_> {
-    fn parameter_count(&self) -> usize {
-        0
-    }
-
-    fn evaluate(&self, point: &Vector3<f64>, sample: &mut FieldSample) {
-        self.0.evaluate(point, sample);
-    }
 }
 
 /// Tangents and Jacobian of the last pass that was close enough to equilibrium.
@@ -113,7 +85,7 @@ impl Model {
         let currents = description.coils.iter().map(|coil| coil.current_max);
         let angles = description.frames.iter().map(|frame| frame.angle_max - frame.angle_min);
         let ranges: Vec<f64> = currents.chain(angles).collect();
-        let steps: Vec<f64> = ranges.iter().map(|range| range * PROBE_SHARE).collect();
+        let probe = Probe::new(&posed, &pass, &ranges);
         let mut anchor = Anchor {
             actuation: Actuation::default(),
             unknowns: pass.unknowns(),
@@ -124,17 +96,9 @@ impl Model {
         };
         anchor.settle(&Actuation::default(), &pass);
         let stability = manipulator.stability(&mut pass);
-        let stiffness = Stiffness {
-            determinant: pass.determinant(),
-            gradient: vec![0.0; steps.len()],
-            cursor: 0,
-            steps,
-            posed: posed.clone(),
-            pass: pass.clone(),
-        };
         Self {
             stability,
-            stiffness,
+            probe,
             coils: array.coil_count(),
             frames: array.frame_count(),
             array,
@@ -166,7 +130,7 @@ impl Model {
         if converged {
             self.keep();
             self.stability = self.manipulator.stability(&mut self.pass);
-            self.probe_determinant(actuation);
+            self.probe.look(&self.manipulator, &self.array, actuation, &self.pass);
         } else {
             self.good.age = self.good.age.map(|age| age.saturating_add(1));
         }
@@ -221,7 +185,7 @@ impl Model {
         self.anchor.unknowns = present.unknowns;
         self.anchor.derivatives.fill(Vector6::zeros());
         self.anchor.reach = 1.0;
-        self.stiffness.cursor = 0;
+        self.probe.restart();
     }
 
     /// Goes to where another model of the same rig is: equilibrium, derivatives, stability, stiffness. Allocates no memory.
@@ -231,9 +195,7 @@ impl Model {
         anchor.derivatives.copy_from_slice(&from.derivatives);
         self.good = other.good.clone();
         self.stability = other.stability;
-        let (stiffness, from) = (&mut self.stiffness, &other.stiffness);
-        (stiffness.determinant, stiffness.cursor) = (from.determinant, from.cursor);
-        stiffness.gradient.copy_from_slice(&from.gradient);
+        self.probe.take_up(&other.probe);
     }
 
     /// True once a Jacobian was computed.
@@ -264,42 +226,27 @@ impl Model {
     /// Determinant of the residual's Jacobian at the last good equilibrium: 1 for the unloaded rod, 0 where it snaps through.
     #[must_use]
     pub fn determinant(&self) -> f64 {
-        self.stiffness.determinant
+        self.probe.determinant()
     }
 
     /// Change of the determinant with every actuation parameter, 1/A and 1/rad; each entry at most as many cycles old
     /// as there are parameters.
     #[must_use]
     pub fn determinant_gradient(&self) -> &[f64] {
-        &self.stiffness.gradient
+        self.probe.determinant_gradient()
     }
 
-    /// Renews the determinant, and one entry of its gradient by a pass beside the present actuation.
-    fn probe_determinant(&mut self, actuation: &Actuation) {
-        let stiffness = &mut self.stiffness;
-        stiffness.determinant = self.pass.determinant();
-        if stiffness.steps.is_empty() {
-            return;
-        }
-        let parameter = stiffness.cursor;
-        stiffness.cursor = (parameter + 1) % stiffness.steps.len();
-        let step = stiffness.steps[parameter];
-        let mut beside = *actuation;
-        if parameter < self.coils {
-            beside.current_a[parameter] += step;
-        } else {
-            beside.angle_rad[parameter - self.coils] += step;
-        }
-        self.array.pose_into(&beside.angle_rad[..self.frames], &mut stiffness.posed);
-        let field = Unsteered(stiffness.posed.actuated(&beside.current_a[..self.coils]));
-        // First to the equilibrium at the present actuation, then along its tangent to the one beside.
-        let Some(correction) = self.pass.newton_step() else { return };
-        let unknowns = self.pass.unknowns() + correction + self.pass.unknowns_derivative(parameter) * step;
-        self.manipulator.pass(&field, &TipLoad::NONE, &unknowns, PassMode::default(), &mut stiffness.pass);
-        let change = (stiffness.pass.determinant() - stiffness.determinant) / step;
-        if change.is_finite() {
-            stiffness.gradient[parameter] = change;
-        }
+    /// From now on follows the expected power (p1) too, with orientation disturbances of this RMS, rad. The extra pass of a cycle
+    /// then costs about twice as much.
+    pub fn follow_expected_power(&mut self, disturbance: f64) {
+        self.probe.follow_authority(self.pass.magnets().len(), self.coils, disturbance);
+    }
+
+    /// Expected power (p1) of the last good equilibrium, A^2, and the change of its logarithm with every actuation parameter, 1/A and
+    /// 1/rad, as old as those of the determinant; none where it is not followed.
+    #[must_use]
+    pub fn expected_power(&self) -> Option<(f64, &[f64])> {
+        self.probe.expected_power()
     }
 
     fn keep(&mut self) {

@@ -1,9 +1,9 @@
-//! A manipulator as a chain of rigid links with springs between them: its energy, the energy's gradient in closed form and its
-//! Hessian by differences of that. Knows nothing of shooting.
+//! A manipulator as a chain of rigid links with springs between them: its energy, the energy's gradient in
+//! closed form and its Hessian by differences of that. Knows nothing of shooting.
 //!
-//! The unknowns of a body are the rotation vector `theta` from the body before it, `R = R_before exp(theta)`, and for a link of an
-//! extensible section its strain `e`, `p_end = p + h R (e3 + e)`. With F and M the force and moment (about the body's start) of all loads on
-//! it and on what lies beyond,
+//! The unknowns of a body are the rotation vector `theta` from the body before it, `R = R_before exp(theta)`,
+//! and for a link of an extensible section its strain `e`, `p_end = p + h R (e3 + e)`. With F and M the force
+//! and moment (about the body's start) of all loads on it and on what lies beyond,
 //! ```text
 //! U = sum theta.k theta / 2 + h e.K e / 2 - loads,   dU/dtheta = k theta - Jl(theta)^T R_before^T M
 //! dU/de = h K e - h R^T F_beyond - (h/2) R^T weight
@@ -105,7 +105,8 @@ impl Links {
         }
     }
 
-    /// Lays the chain along a centre line with a station at the start and at the end of every body, without twist.
+    /// Lays the chain along a centre line with a station at the start and at the end of every body, without
+    /// twist.
     pub fn lay_along(&mut self, shape: &[Station]) {
         assert_eq!(shape.len(), self.bodies.len() + 1);
         let mut frame = Rotation3::from_matrix_unchecked(self.base_rotation);
@@ -127,7 +128,8 @@ impl Links {
         }
     }
 
-    /// Moves to the chain's own equilibrium and returns the spectrum there; `None` when there is none close by.
+    /// Moves to the chain's own equilibrium and returns the spectrum there; `None` when there is none close
+    /// by.
     pub fn spectrum(&mut self, field: &impl AppliedField) -> Option<Spectrum> {
         let start = self.unknowns.clone();
         let mut sample = FieldSample::default();

@@ -81,6 +81,13 @@ determinant_rate_per_s = 20.0
 frame_angles = "steer"
 passes_max = 3
 
+[control.secondary]
+disturbance_deg = 3.0
+conditioning_max_deg_per_s = 20.0
+frame_centering_per_s = 0.1
+frame_home_deg = { bottom = 45.0 }
+frame_share_deg = 10.0
+
 [daemon]
 rate_hz = 1000.0
 command_validity_ms = 100.0

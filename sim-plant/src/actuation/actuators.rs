@@ -1,7 +1,7 @@
 //! All coils and frames of the rig, followed as one, and the driver that watches over them.
 
 use magsteer_hal::description::HardwareDescription;
-use magsteer_hal::{Actuation, COILS_MAX, Setpoint};
+use magsteer_hal::{Actuation, COILS_MAX, POSE_PARAMETERS_MAX, Setpoint};
 
 use super::coils::{Coils, CoilsSettings};
 use super::condition::{CoilCondition, FrameCondition};
@@ -16,6 +16,8 @@ pub struct ActuationSettings {
     pub coils: CoilsSettings,
     /// Frame motors.
     pub motor: MotorCharacter,
+    /// Angles at which the frames stand at first, rad.
+    pub frame_start: [f64; POSE_PARAMETERS_MAX],
     /// When the driver finds fault.
     pub watch: WatchSettings,
 }
@@ -32,7 +34,7 @@ pub struct Actuators {
 }
 
 impl Actuators {
-    /// All currents at zero, all frames at rest. `step` in s; sensor errors come from `seed`.
+    /// All currents at zero, all frames at rest where they start. `step` in s; sensor errors come from `seed`.
     #[must_use]
     pub fn new(
         description: &HardwareDescription,
@@ -40,10 +42,10 @@ impl Actuators {
         step: f64,
         seed: u64,
     ) -> Self {
-        let motor = |frame| Motor::new(frame, settings.motor, step);
+        let motor = |(frame, start): (_, &f64)| Motor::new(frame, settings.motor, *start, step);
         let mut actuators = Self {
             coils: Coils::new(description, &settings.coils, step, seed),
-            motors: description.frames.iter().map(motor).collect(),
+            motors: description.frames.iter().zip(&settings.frame_start).map(motor).collect(),
             watch: DriverWatch::new(settings.watch, step),
             actual: Actuation::default(),
             measured: Actuation::default(),

@@ -56,10 +56,10 @@ pub struct Motor {
 }
 
 impl Motor {
-    /// Standing at zero, or at the end of its range that is nearest. `step` in s.
+    /// Standing at `start`, rad, or at the end of its range that is nearest. `step` in s.
     #[must_use]
-    pub fn new(frame: &FrameDescription, character: MotorCharacter, step: f64) -> Self {
-        let angle = 0.0_f64.clamp(frame.angle_min, frame.angle_max);
+    pub fn new(frame: &FrameDescription, character: MotorCharacter, start: f64, step: f64) -> Self {
+        let angle = start.clamp(frame.angle_min, frame.angle_max);
         Self {
             character,
             least: frame.angle_min,
@@ -132,7 +132,7 @@ mod tests {
     const PLAIN: MotorCharacter = MotorCharacter { acceleration_max: 3.5, backlash: 0.0, encoder_step: 0.0 };
 
     fn motor(character: MotorCharacter, step: f64) -> Motor {
-        Motor::new(&fixture::bigmag().frames[0], character, step)
+        Motor::new(&fixture::bigmag().frames[0], character, 0.0, step)
     }
 
     /// Turns for a step; asserts that speed and acceleration stay within their limits.

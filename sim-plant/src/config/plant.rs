@@ -109,6 +109,7 @@ impl PlantConfig {
                 couplings: couplings.unwrap_or_else(|| Couplings::none(description.coils.len())),
             },
             motor: self.motor.character(),
+            frame_start: self.motor.start(description),
             watch: self.driver.settings(),
         }
     }
@@ -121,7 +122,7 @@ impl PlantConfig {
         self.rod.check(description, checks);
         self.amplifier.check(checks);
         self.winding.check(checks);
-        self.motor.check(checks);
+        self.motor.check(description, checks);
         let Self { amplifier, motor, winding, step_us, .. } = self;
         self.driver.check(&Watched { description, amplifier, motor, winding, step_us: *step_us }, checks);
         self.errors.check(checks);

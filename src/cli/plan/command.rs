@@ -1,16 +1,19 @@
 //! The subcommand.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, value_parser};
+use magsteer::config::Experiment;
 
 use super::answer::Answer;
 use super::choice::Choice;
 use super::frames::NamedAngles;
-use super::search::{Search, in_threads};
+use super::search::{Found, Search, best_fixed, in_threads};
 use super::subject::Subject;
+use super::way;
+use crate::cli::actuation::finite;
 use crate::cli::exit::Exit;
-use crate::cli::output;
+use crate::cli::{data_file, output};
 
 /// Frame angles, currents and a way for each of a set of targets.
 ///
@@ -50,6 +53,12 @@ pub struct Plan {
     /// Hold all frames at that setting of the grid with which most of the targets are reached.
     #[arg(long)]
     best_fixed: bool,
+    /// Write an experiment that plays the ways, for `magsteer target play`.
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["fixed_frames", "best_fixed"])]
+    out: Option<PathBuf>,
+    /// Time that magnets settle in at every step of the experiment, s.
+    #[arg(long, value_name = "S", default_value = "3", requires = "out", value_parser = settle)]
+    settle_s: f64,
     /// Threads; as many as there are cores when left out.
     #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
@@ -66,8 +75,7 @@ impl Plan {
         let targets = self.choice.targets(&subject)?;
         let planner = &subject.planner;
         let (found, fixed) = in_threads(self.threads, || {
-            let fixed =
-                if self.best_fixed { Some(super::search::best_fixed(planner, &targets)) } else { held };
+            let fixed = if self.best_fixed { Some(best_fixed(planner, &targets)) } else { held };
             let search = match fixed {
                 Some(setting) => Search::Held(setting),
                 None if self.path => Search::OneAfterAnother,
@@ -77,11 +85,37 @@ impl Plan {
         })?;
         let answer =
             Answer::new(&subject.description, &targets, &found, fixed.as_ref().map(<[f64; _]>::as_slice));
+        if let Some(out) = &self.out {
+            self.write(out, &subject, &found)?;
+        }
         if self.json {
             output::json(&answer)?;
         } else {
             output::result(answer.table())?;
         }
         Ok(if answer.all_reached() { Exit::Success } else { Exit::No })
+    }
+
+    fn write(&self, out: &Path, subject: &Subject, found: &Found) -> anyhow::Result<()> {
+        if found.reached() == 0 {
+            output::note(format_args!("{}: not written: no target was reached", out.display()));
+            return Ok(());
+        }
+        let rest = &subject.planner.rest().posture.directions;
+        let text = way::experiment(&subject.description, rest, &found.plans, !self.path, self.settle_s);
+        data_file::create(out, text.as_bytes())?;
+        // What cannot be played must not lie about as if it could.
+        Experiment::load(out, &subject.description)?;
+        Ok(())
+    }
+}
+
+/// Time to settle in, s.
+fn settle(text: &str) -> Result<f64, String> {
+    let value = finite(text)?;
+    if value > 0.0 && value <= 3600.0 {
+        Ok(value)
+    } else {
+        Err("must be above 0 and at most 3600".to_owned())
     }
 }

@@ -51,12 +51,14 @@ pub struct Standing {
 
 /// Why no way was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("not reached with any of {tried} frame settings; most often {}", .most_often.text())]
+#[error("not reached with any of {tried} frame settings; where it came closest {}", .closest.text())]
 pub struct Unreached {
     /// Frame settings tried.
     pub tried: usize,
     /// What ended most walks.
     pub most_often: Obstacle,
+    /// What ended the walk that came closest.
+    pub closest: Obstacle,
 }
 
 /// Plans ways of one rig. Searches run on the threads of the rayon pool that they are called in, with the same result for any number.
@@ -133,7 +135,7 @@ impl Planner {
     /// When the model loses it on the way, or no way back to rest is found.
     pub fn standing_at(&self, actuation: &Actuation) -> Result<Standing, Unreached> {
         let mut walker = self.walker.clone();
-        let lost = |most_often| Unreached { tried: 0, most_often };
+        let lost = |obstacle| Unreached { tried: 0, most_often: obstacle, closest: obstacle };
         walker.resume(&self.rest.posture).map_err(lost)?;
         walker.actuate(actuation).map_err(lost)?;
         let posture = walker.posture();
@@ -201,7 +203,8 @@ impl Planner {
         let onward = self.from_rest(target)?;
         let waypoints = from.home.iter().chain(&onward.waypoints).copied().collect();
         let whole = self.walk_through(&from.posture, waypoints);
-        let whole = whole.map_err(|most_often| Unreached { tried: 1, most_often })?;
+        let whole =
+            whole.map_err(|obstacle| Unreached { tried: 1, most_often: obstacle, closest: obstacle })?;
         Ok(Plan { home: onward.home, ..whole })
     }
 

@@ -58,14 +58,18 @@ struct Followed {
     halted: Vec<Halt>,
 }
 
-impl Followed {
-    fn most_often(&self) -> Obstacle {
-        let mut counts = BTreeMap::new();
-        for halt in &self.halted {
-            *counts.entry(halt.obstacle).or_insert(0_u32) += 1;
-        }
-        let most = counts.into_iter().max_by_key(|(_, count)| *count);
-        most.map_or(Obstacle::OutOfReach, |(obstacle, _)| obstacle)
+/// Why targets are not reached: what ended walks.
+fn unreached(tried: usize, halted: &[Halt]) -> Unreached {
+    let mut counts = BTreeMap::new();
+    for halt in halted {
+        *counts.entry(halt.obstacle).or_insert(0_u32) += 1;
+    }
+    let most_often = counts.into_iter().max_by_key(|(_, count)| *count);
+    let closest = halted.iter().min_by(|a, b| a.left.total_cmp(&b.left));
+    Unreached {
+        tried,
+        most_often: most_often.map_or(Obstacle::OutOfReach, |(obstacle, _)| obstacle),
+        closest: closest.map_or(Obstacle::OutOfReach, |halt| halt.obstacle),
     }
 }
 
@@ -89,16 +93,16 @@ impl Planner {
 
     /// The best way to `target` from rest with one setting.
     pub(super) fn search_held(&self, tried: &Tried, target: &Directions) -> Result<Plan, Unreached> {
-        let mut most_often = None;
+        let mut halted = Vec::new();
         for routes in &self.groups {
             let ways = routes.iter().map(|route| self.way_from_rest(tried, *route, target));
             let followed = self.follow_all(&self.rest.posture, ways.collect());
-            most_often = most_often.or(Some(followed.most_often()));
+            halted.extend(&followed.halted);
             if let Some(plan) = followed.arrived.into_iter().next() {
                 return Ok(plan);
             }
         }
-        Err(Unreached { tried: 1, most_often: most_often.unwrap_or(Obstacle::OutOfReach) })
+        Err(unreached(1, &halted))
     }
 
     /// Walks along waypoints, at least one, whatever others there are.
@@ -140,30 +144,28 @@ impl Planner {
             let to = Waypoint { directions: *target, frame_angles: tried.setting };
             Way { begun: None, waypoints: route.waypoints(&from.directions, &to) }
         };
-        let mut most_often = None;
-        let mut closest: Vec<Halt> = Vec::new();
+        let mut halted: Vec<Halt> = Vec::new();
         for routes in &self.groups {
             let ways =
                 self.settings.iter().flat_map(|tried| routes.iter().map(move |route| way(tried, *route)));
             let followed = self.follow_all(from, ways.collect());
-            most_often = most_often.or(Some(followed.most_often()));
-            closest.extend(&followed.halted);
+            halted.extend(&followed.halted);
             if let Some(plan) = self.best_with_return(from, followed.arrived) {
                 return Ok(plan);
             }
         }
         // Between the settings of the grid, about those that came closest.
-        closest.sort_by(|a, b| a.left.total_cmp(&b.left));
-        let beside = closest.iter().take(REFINED).flat_map(|halt| self.beside(&halt.setting));
+        halted.sort_by(|a, b| a.left.total_cmp(&b.left));
+        let beside = halted.iter().take(REFINED).flat_map(|halt| self.beside(&halt.setting));
         let refined: Vec<Tried> = beside
             .map(|setting| if at_rest { self.try_at_rest(setting) } else { Tried { setting, rest: None } })
             .collect();
         let routes = || self.groups.iter().flatten();
         let ways = refined.iter().flat_map(|tried| routes().map(move |route| way(tried, *route)));
         let followed = self.follow_all(from, ways.collect());
-        let most_often = most_often.unwrap_or(Obstacle::OutOfReach);
+        halted.extend(&followed.halted);
         let found = self.best_with_return(from, followed.arrived);
-        found.ok_or(Unreached { tried: self.settings.len(), most_often })
+        found.ok_or_else(|| unreached(self.settings.len() + refined.len(), &halted))
     }
 
     /// Settings between a setting of the grid and its neighbours, in the plane of the first two frames.

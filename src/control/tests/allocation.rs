@@ -22,8 +22,16 @@ impl Bench {
     fn new(kind: AllocationKind, frames: FrameUse) -> Self {
         let mut rig = Rig::shipped();
         (rig.control.allocation, rig.control.frame_angles) = (kind, frames);
+        // Frames without a task of their own: what they do here is the primary task's and the margin's.
+        let secondary = rig.control.secondary.as_mut().expect("shipped");
+        (secondary.conditioning_max_deg_per_s, secondary.frame_centering_per_s) = (0.0, 0.0);
         let allocation = Allocation::new(&rig.control, &rig.description, ROWS);
-        let range: Vec<f64> = rig.limits().iter().map(|[_, most, _]| *most).collect();
+        let mut range: Vec<f64> = rig.limits().iter().map(|[_, most, _]| *most).collect();
+        if kind == AllocationKind::Bounded {
+            let secondary = rig.control.secondary.as_ref().expect("shipped");
+            let share = secondary.frame_share_deg.to_radians();
+            range[rig.coils()..].fill(share);
+        }
         Self { allocation, range: DVector::from_vec(range), rig }
     }
 
@@ -65,6 +73,7 @@ impl Bench {
             period,
             determinant,
             determinant_gradient: gradient,
+            expected_power: None,
             frame_angles: None,
         });
         (DVector::from_row_slice(self.allocation.increment()), allocated.saturated)
@@ -246,11 +255,17 @@ fn a_lost_determinant_is_regained_without_turning_the_magnets() {
         let gained = gradient.dot(&increment);
         assert!(gained > 0.0);
         if saturated == 0 {
-            // All of the loss at the rate, less where the determinant hardly depends on what is free.
+            // All of the loss at the rate, less where the determinant hardly depends on what is free: currents that turn nothing, and
+            // frames with the currents that follow them.
             let scaled = bench.scaled(&jacobian);
+            let coils = bench.rig.coils();
             let seen = gradient.component_mul(&bench.range);
-            let inverse = scaled.clone().pseudo_inverse(1e-9).expect("not negative");
-            let slope = (&seen - inverse * (scaled * &seen)).norm_squared();
+            let (authority, frames) = (scaled.columns(0, coils).into_owned(), scaled.columns(coils, 2));
+            let inverse = authority.clone().pseudo_inverse(1e-9).expect("not negative");
+            let (current, turn) = (seen.rows(0, coils).into_owned(), seen.rows(coils, 2));
+            let free = &current - &inverse * (authority * &current);
+            let turning = turn - (inverse * frames).transpose() * &current;
+            let slope = free.norm_squared() + turning.norm_squared();
             let expected = (wanted - determinant) * rate * period * slope.min(1.0);
             assert!((gained / expected - 1.0).abs() < 1e-9, "{gained} {expected}");
         }

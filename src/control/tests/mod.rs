@@ -5,3 +5,4 @@ mod allocation;
 mod cycle;
 mod fixtures;
 mod model;
+mod scout;

@@ -58,10 +58,11 @@ fn follows_a_ramp_with_about_one_pass_a_cycle() {
     let (rig, mut random) = (Rig::shipped(), seeded(1));
     let mut passes_all = 0;
     for _ in 0..20 {
-        let (actuation, pass) = some_actuation(&rig, &mut random);
+        let (actuation, mut pass) = some_actuation(&rig, &mut random);
         let mut model = model(&rig);
         let reports = ramp(&rig, &mut model, &actuation);
         assert!(reports.iter().all(|report| report.converged && report.jacobian_age == 0));
+        assert!(reports.iter().all(|report| report.unstable_modes == 0 && report.margin > 0.0));
         let passes: u32 = reports.iter().map(|report| report.passes).sum();
         passes_all += passes;
         assert!(passes <= 2 * CYCLES, "{passes} passes in {CYCLES} cycles at margin {}", pass.determinant());
@@ -71,6 +72,8 @@ fn follows_a_ramp_with_about_one_pass_a_cycle() {
         model.follow(&actuation);
         model.follow(&actuation);
         assert!(tangent_errors(&model, &pass) < 1e-9, "{}", tangent_errors(&model, &pass));
+        let margins = [model.stability(), rig.manipulator.stability(&mut pass)].map(|found| found.margin);
+        assert!((margins[0] - margins[1]).abs() < 1e-6, "{margins:?}");
         for magnet in 0..pass.magnets().len() {
             for (kept, solved) in model.tangent_jacobian(magnet).iter().zip(pass.tangent_jacobian(magnet)) {
                 let off =

@@ -19,8 +19,8 @@ type Stretchy = Span<EXTENSIBLE, { EXTENSIBLE + 6 }>;
 /// A link of the chain.
 #[derive(Debug, Clone)]
 enum Link {
-    Rigid(Rigid),
-    Slender(Slender),
+    Rigid(Box<Rigid>),
+    Slender(Box<Slender>),
     Stretchy(Box<Stretchy>),
 }
 
@@ -66,7 +66,7 @@ impl Chain {
         for (part, kind) in parts.iter().enumerate() {
             match kind {
                 Part::Magnet(_) => {
-                    chain.links.push(Link::Rigid(Rigid::new(part, magnets)));
+                    chain.links.push(Link::Rigid(Box::new(Rigid::new(part, magnets))));
                     magnets += 1;
                 }
                 Part::Section(section) => {
@@ -78,7 +78,7 @@ impl Chain {
                         chain.links.push(if section.extensible {
                             Link::Stretchy(Box::new(Span::new(section, spans)))
                         } else {
-                            Link::Slender(Span::new(section, spans))
+                            Link::Slender(Box::new(Span::new(section, spans)))
                         });
                     }
                 }
@@ -145,7 +145,8 @@ impl Chain {
         products.product()
     }
 
-    /// Inverse iteration: replaces the image `y` of the mode `x` by `(A - shift E)^-1 E x`, with the factors at hand.
+    /// Inverse iteration: replaces the image `y` of the mode `x` by `(A - shift E)^-1 E x`, with the factors
+    /// at hand.
     pub(super) fn invert(&mut self) -> Products {
         let mut wrench = Pose::default();
         for link in self.links.iter_mut().rev() {

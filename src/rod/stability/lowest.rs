@@ -1,27 +1,27 @@
 //! The lowest eigenvalue, by inverse iteration whose shift closes in from below.
 //!
-//! Factors of `A - sigma E` that count no eigenvalue below `sigma` make inverse iteration, `y = (A - sigma E)^-1 E x`, turn towards the
-//! weakest mode. Its Rayleigh quotient and residual,
+//! Factors of `A - sigma E` that count no eigenvalue below `sigma` make inverse iteration, `y = (A - sigma
+//! E)^-1 E x`, turn towards the weakest mode. Its Rayleigh quotient and residual,
 //! ```text
 //! lambda = sigma + x E y / y E y,   r^2 = (1 - (x E y)^2 / (x E x y E y)) x E x / y E y                (z7)
 //! ```
-//! bound the lowest eigenvalue from above and leave one within `r`: the next shift is put at `lambda - r`, and the count says whether
-//! that lies below all of them. Convergence is quadratic. The mode found last starts the next search, which then takes one or two
-//! factorisations.
+//! bound the lowest eigenvalue from above and leave one within `r`: the next shift is put at `lambda - r`,
+//! and the count says whether that lies below all of them. Convergence is quadratic. The mode found last
+//! starts the next search, which then takes one or two factorisations.
 
 use super::chain::Chain;
 use super::measure::Stability;
 
-/// Norm of an eigenvalue's residual at which it is taken. The eigenvalue errs by its square over the gap to the next one, and by no
-/// more than the norm itself.
+/// Norm of an eigenvalue's residual at which it is taken. The eigenvalue errs by its square over the gap to
+/// the next one, and by no more than the norm itself.
 const RESIDUAL: f64 = 1e-6;
-/// Greatest distance of the value taken from the shift, below which there is no eigenvalue: when two modes change places the lower one
-/// shows at the latest then.
+/// Greatest distance of the value taken from the shift, below which there is no eigenvalue: when two modes
+/// change places the lower one shows at the latest then.
 const SURE: f64 = 2e-3;
 /// How far below the last value the search begins.
 const SLACK: f64 = 1e-3;
-/// Greatest residual, as a share of the distance to the shift, at which a closer shift is tried: a factorisation takes as long as four
-/// iterations, and one in vain as well.
+/// Greatest residual, as a share of the distance to the shift, at which a closer shift is tried: a
+/// factorisation takes as long as four iterations, and one in vain as well.
 const CLEAR: f64 = 0.1;
 /// Most factorisations of one search.
 const FACTORS_MAX: u32 = 60;

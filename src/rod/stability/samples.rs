@@ -68,7 +68,8 @@ impl Section {
         }
     }
 
-    /// Cubic Hermite interpolation of tangent and moment within a step: as accurate as the scheme itself, of fourth order.
+    /// Cubic Hermite interpolation of tangent and moment within a step: as accurate as the scheme itself, of
+    /// fourth order.
     #[inline(always)]
     fn between<const EXTENSIBLE: bool, const CURVED: bool>(
         &self,

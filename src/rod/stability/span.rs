@@ -1,4 +1,5 @@
-//! A piece of a flexible section in the second variation: unknown strains at Gauss points, eliminated in favour of its start.
+//! A piece of a flexible section in the second variation: unknown strains at Gauss points, eliminated in
+//! favour of its start.
 
 use crate::math::Triple;
 use crate::rod::section::Section;
@@ -59,7 +60,8 @@ pub(super) fn places(index: usize, count: usize, segments: usize) -> [Place; POI
 
 /// A span with `N` strains; `D` counts the displacement of its start as well.
 ///
-/// Strains are rotation vectors `x = h kappa` and displacements `h w` a point, then follow dp and phi of the start.
+/// Strains are rotation vectors `x = h kappa` and displacements `h w` a point, then follow dp and phi of the
+/// start.
 #[derive(Debug, Clone)]
 pub(super) struct Span<const N: usize, const D: usize> {
     length: f64,
@@ -139,8 +141,8 @@ impl<const N: usize, const D: usize> Span<N, D> {
             if N == EXTENSIBLE {
                 let pulling = skew(samples[p].force);
                 self.add(BENDING + 3 * p, phi, -WEIGHTS[p], &pulling);
-                for q in 0..POINTS {
-                    self.add(3 * q, BENDING + 3 * p, WEIGHTS[p] * PARTIAL[p][q], &pulling);
+                for (q, partial) in PARTIAL[p].iter().enumerate() {
+                    self.add(3 * q, BENDING + 3 * p, WEIGHTS[p] * partial, &pulling);
                 }
             }
         }
@@ -159,8 +161,8 @@ impl<const N: usize, const D: usize> Span<N, D> {
     #[inline(always)]
     pub(super) fn energy(&self, x: &[f64; N]) -> [f64; N] {
         let mut image = [0.0; N];
-        for p in 0..POINTS {
-            let weight = WEIGHTS[p] / self.length;
+        for (p, weight) in WEIGHTS.into_iter().enumerate() {
+            let weight = weight / self.length;
             self.energy_at(p, 3 * p, weight * self.bending, weight * self.torsion_excess, x, &mut image);
             if N == EXTENSIBLE {
                 let first = BENDING + 3 * p;
@@ -212,11 +214,12 @@ impl<const N: usize, const D: usize> Span<N, D> {
         end
     }
 
-    /// Eliminates the strains: stiffness at the start from that at the end, and how many pivots are not positive.
+    /// Eliminates the strains: stiffness at the start from that at the end, and how many pivots are not
+    /// positive.
     pub(super) fn condense(&mut self, shift: f64, beyond: &Stiffness) -> (Stiffness, u32) {
         let mut matrix = self.form;
-        for p in 0..POINTS {
-            let weight = (1.0 - shift) * WEIGHTS[p] / self.length;
+        for (p, weight) in WEIGHTS.into_iter().enumerate() {
+            let weight = (1.0 - shift) * weight / self.length;
             self.add_energy(&mut matrix, p, 3 * p, weight * self.bending, weight * self.torsion_excess);
             if N == EXTENSIBLE {
                 let first = BENDING + 3 * p;
@@ -227,8 +230,7 @@ impl<const N: usize, const D: usize> Span<N, D> {
         let mut negative = 0;
         for j in 0..N {
             let pivot = matrix[j][j];
-            // A pivot that is no number is none that is positive.
-            negative += u32::from(!(pivot > 0.0));
+            negative += u32::from(pivot <= 0.0 || pivot.is_nan());
             let inverse = 1.0 / pivot;
             let row = matrix[j];
             for i in j + 1..D {
@@ -257,8 +259,8 @@ impl<const N: usize, const D: usize> Span<N, D> {
                 matrix[first + 2][k] += lever.x * fy[k] - lever.y * fx[k] + weight * mz[k];
             }
         };
-        for p in 0..POINTS {
-            turn(3 * p, self.levers[p], WEIGHTS[p]);
+        for (p, weight) in WEIGHTS.into_iter().enumerate() {
+            turn(3 * p, self.levers[p], weight);
         }
         turn(N + 3, self.arm, 1.0);
         let mut shift = |first: usize, weight: f64| {
@@ -269,8 +271,8 @@ impl<const N: usize, const D: usize> Span<N, D> {
             }
         };
         if N == EXTENSIBLE {
-            for p in 0..POINTS {
-                shift(BENDING + 3 * p, WEIGHTS[p]);
+            for (p, weight) in WEIGHTS.into_iter().enumerate() {
+                shift(BENDING + 3 * p, weight);
             }
         }
         shift(N, 1.0);

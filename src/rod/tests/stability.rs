@@ -1,4 +1,5 @@
-//! The second variation against closed forms, against the determinant's sign, and against itself in other frames and units.
+//! The second variation against closed forms, against the determinant's sign, and against itself in other
+//! frames and units.
 
 use std::f64::consts::PI;
 use std::path::Path;
@@ -44,7 +45,8 @@ fn straight(manipulator: &Manipulator, field: &AffineField, tip_force: f64, forc
     manipulator.stability(&mut pass)
 }
 
-/// The load between `low` and `high` at which the margin vanishes, by bisection. Both bending planes buckle there at once.
+/// The load between `low` and `high` at which the margin vanishes, by bisection. Both bending planes buckle
+/// there at once.
 fn critical(stability: impl Fn(f64) -> Stability, low: f64, high: f64) -> f64 {
     let (mut low, mut high) = (low, high);
     assert_eq!(stability(low).unstable_modes, 0);
@@ -106,8 +108,8 @@ fn the_margin_of_an_extensible_column_vanishes_at_its_own_load() {
     assert!(expected < 0.85 * PI * PI / 4.0, "far from Euler's load: {expected}");
 }
 
-/// Goal: of a straight column the margin is the share of Euler's load that is left, linear through zero; each further
-/// load of Euler adds a mode in each plane.
+/// Goal: of a straight column the margin is the share of Euler's load that is left, linear through zero; each
+/// further load of Euler adds a mode in each plane.
 #[test]
 fn a_straight_column_loses_its_margin_linearly_and_gains_modes_at_eulers_loads() {
     let euler = PI * PI / 4.0;
@@ -160,7 +162,8 @@ fn a_state_that_is_not_finite_has_no_margin() {
     assert_eq!(manipulator.stability(&mut pass), manipulator.stability(&mut fresh));
 }
 
-/// An equilibrium that Newton's iteration finds from unknowns that are far from it: of any branch, stable or not.
+/// An equilibrium that Newton's iteration finds from unknowns that are far from it: of any branch, stable or
+/// not.
 fn some_equilibrium(
     manipulator: &Manipulator,
     field: &impl AppliedField,
@@ -172,7 +175,8 @@ fn some_equilibrium(
     manipulator.solve(field, &TipLoad::NONE, &guess, PassMode::default(), pass).converged()
 }
 
-/// Goal: with every mode that an equilibrium loses the determinant of shooting, computed otherwise, changes its sign.
+/// Goal: with every mode that an equilibrium loses the determinant of shooting, computed otherwise, changes
+/// its sign.
 #[test]
 fn the_determinants_sign_tells_an_even_number_of_unstable_modes() {
     let mut seen = [0; 8];
@@ -187,7 +191,12 @@ fn the_determinants_sign_tells_an_even_number_of_unstable_modes() {
             }
             let found = manipulator.stability(&mut pass);
             let modes = found.unstable_modes as usize;
-            assert_eq!(modes % 2 == 0, pass.determinant() > 0.0, "{found:?}, {}", pass.determinant());
+            assert_eq!(
+                modes.is_multiple_of(2),
+                pass.determinant() > 0.0,
+                "{found:?}, {}",
+                pass.determinant()
+            );
             assert_eq!(modes == 0, found.margin > 0.0, "{found:?}");
             seen[modes.min(7)] += 1;
         }
@@ -195,9 +204,9 @@ fn the_determinants_sign_tells_an_even_number_of_unstable_modes() {
     assert!(seen[..3].iter().all(|count| *count > 30), "of every sort some: {seen:?}");
 }
 
-/// Goal: the determinant of shooting is the product of all eigenvalues of the second variation, the two being computed in ways that share
-/// but the state at the parts' ends. The product of finitely many errs by the first order in the spans' length, of which one
-/// extrapolation leaves the second.
+/// Goal: the determinant of shooting is the product of all eigenvalues of the second variation, the two being
+/// computed in ways that share but the state at the parts' ends. The product of finitely many errs by the
+/// first order in the spans' length, of which one extrapolation leaves the second.
 #[test]
 fn the_determinant_is_the_product_of_all_eigenvalues() {
     for (rod, field) in [
@@ -253,7 +262,8 @@ fn rotating_the_world_changes_nothing() {
     close(there.margin, here.margin, 1e-9);
 }
 
-/// Goal: the margin has no unit. Lengths in units of 1 mm and forces of 1 uN, with the second as unit of time.
+/// Goal: the margin has no unit. Lengths in units of 1 mm and forces of 1 uN, with the second as unit of
+/// time.
 #[test]
 fn other_units_change_nothing() {
     let rod = reference_two_magnets([1.0, -1.0]);
@@ -301,7 +311,8 @@ fn an_extensible_rod_of_huge_stiffness_has_the_margin_of_a_kirchhoff_rod() {
     assert!((with(Some(0.5)) - kirchhoff).abs() > 1e-4, "shear has an effect");
 }
 
-/// Goal: the search that starts from the last mode ends where one without memory ends, also when another mode has become the weakest.
+/// Goal: the search that starts from the last mode ends where one without memory ends, also when another mode
+/// has become the weakest.
 #[test]
 fn the_last_mode_does_not_bias_the_next_search() {
     let manipulator = build(&default_two_magnets(), 2e-3);
