@@ -1,5 +1,6 @@
-//! The daemon keeps away from snap-through: on a rig whose law does not, a target beyond one is refused before anything moves, and
-//! without the scout the watch over the margin keeps the rod on its branch. The referee is the plant's truth.
+//! The daemon keeps away from snap-through: on a rig whose law does not, a target beyond one is refused
+//! before anything moves, and without the scout the watch over the margin keeps the rod on its branch. The
+//! referee is the plant's truth.
 #![cfg(feature = "sim")]
 
 mod rig_support;
@@ -43,7 +44,8 @@ fn truth(rig: &SimulatedRig) -> [[f64; 3]; 2] {
 /// What happened after a target was set.
 #[derive(Debug, Default)]
 struct Passed {
-    /// Greatest turn of a magnet within the window while the daemon held the coils, deg, truth, by which the reference did not turn.
+    /// Greatest turn of a magnet within the window while the daemon held the coils, deg, truth, by which the
+    /// reference did not turn.
     jump_deg: f64,
     /// Farthest that a magnet was from where it was at the beginning, deg, truth.
     moved_deg: f64,
@@ -148,7 +150,8 @@ fn unguarded_rod_snaps_through() {
     assert_eq!(passed.given_up, None);
 }
 
-/// Goal: the scout refuses the target before the reference moves, names the cause, and the loop goes on steering where it was.
+/// Goal: the scout refuses the target before the reference moves, names the cause, and the loop goes on
+/// steering where it was.
 #[test]
 fn target_beyond_a_snap_through_is_refused_before_anything_moves() {
     let mut bench = standing(&setup(true, true));
@@ -167,8 +170,9 @@ fn target_beyond_a_snap_through_is_refused_before_anything_moves() {
     assert!(matches!(passed.verdict, Verdict::Clear { .. }), "{passed:?}");
 }
 
-/// Goal: without the scout the watch over the margin warns, then keeps the currents; the rod stays on its branch, and comes back. The
-/// margin is the model's: a rod softer than that would have snapped before, which is why the scout goes first.
+/// Goal: without the scout the watch over the margin warns, then keeps the currents; the rod stays on its
+/// branch, and comes back. The margin is the model's: a rod softer than that would have snapped before, which
+/// is why the scout goes first.
 #[test]
 fn watch_over_the_margin_keeps_the_rod_on_its_branch() {
     let mut setup = setup(false, true);
@@ -184,8 +188,8 @@ fn watch_over_the_margin_keeps_the_rod_on_its_branch() {
     assert!(kept.error_deg < 1.0 && kept.state == state::ACTIVE, "{kept:?}");
 }
 
-/// Goal: no false alarm: through the shipped experiment nothing is refused, warned of or held, whatever the seed and in plants up to
-/// 15 % softer and stiffer, on the ways to (60, 90) and (90, 120) too.
+/// Goal: no false alarm: through the shipped experiment nothing is refused, warned of or held, whatever the
+/// seed and in plants up to 15 % softer and stiffer, on the ways to (60, 90) and (90, 120) too.
 #[test]
 fn shipped_steps_are_neither_refused_nor_held() {
     let steps =

@@ -48,21 +48,19 @@ fn play(setup: &Setup) -> (f64, f64) {
         &steps,
         |rig| rig.plant().truth(),
         |seen| {
-            let Some(step) = seen.step else { return ControlFlow::Continue(()) };
             let admitted = &seen.record.admitted;
-            power[step] = admitted.current_a.iter().map(|current| current * current).sum();
             let now = [admitted.angle_rad[0], admitted.angle_rad[1]];
             let before = angles.replace(now).unwrap_or(now);
+            let speed = [0, 1].map(|frame| (now[frame] - before[frame]) / 1e-3);
+            let last = std::mem::replace(&mut speeds, speed);
+            // Frames may move before the first step, as soon as the loop steers.
+            let Some(step) = seen.step else { return ControlFlow::Continue(()) };
+            power[step] = admitted.current_a.iter().map(|current| current * current).sum();
             for frame in 0..2 {
-                let speed = (now[frame] - before[frame]) / 1e-3;
                 // What the motors can do: they follow what they are asked for without lagging ever farther behind.
-                assert!(
-                    (speed - speeds[frame]).abs() <= acceleration * 1e-3,
-                    "frame {frame} is jerked in step {step}: {speed} after {} rad/s",
-                    speeds[frame]
-                );
-                assert!(speed.abs() <= 45.0_f64.to_radians() * (1.0 + 1e-9));
-                speeds[frame] = speed;
+                let jerk = (speed[frame] - last[frame]).abs();
+                assert!(jerk <= acceleration * 1e-3, "frame {frame} in step {step}: {last:?} then {speed:?}");
+                assert!(speed[frame].abs() <= 45.0_f64.to_radians() * (1.0 + 1e-9));
                 moved += (now[frame] - before[frame]).abs();
             }
             ControlFlow::Continue(())

@@ -96,7 +96,7 @@ fn planned(planner: &Planner, targets: &[Directions]) -> Vec<Option<Plan>> {
         at = plan.standing();
         Some(plan)
     };
-    targets.iter().map(|target| plan(target)).collect()
+    targets.iter().map(plan).collect()
 }
 
 /// What became of the ways on the plant.

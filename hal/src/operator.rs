@@ -71,7 +71,7 @@ pub mod verdict {
     pub const CLEAR: u32 = 2;
     /// The way is safe as far as currents lead, which is not to the target.
     pub const OUT_OF_REACH: u32 = 3;
-    /// The target was refused, and the one before stays in force; [`StatusMessage::cause`] tells why.
+    /// The target was refused, and the one before stays in force; [`super::StatusMessage::cause`] tells why.
     pub const REFUSED: u32 = 4;
 
     /// The word a person reads for a verdict.

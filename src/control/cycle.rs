@@ -189,10 +189,7 @@ impl Cycle {
         Self {
             algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator.clone())),
             held_at: chosen.map_or(PoseSource::Modelled, |chosen| chosen.magnet_poses),
-            scout: config
-                .scout
-                .as_ref()
-                .map(|scout| Scout::new(scout, config, description, manipulator.clone())),
+            scout: config.scout.as_ref().map(|scout| Scout::new(scout, config, description, manipulator)),
             model,
             error: OrientationError::new(config.orientation_error, &base),
             reference: Reference::new(magnets, &Pacing::new(config, description)),

@@ -84,15 +84,15 @@ impl Probe {
         });
     }
 
-    /// Begins with the first parameter.
-    pub(super) fn restart(&mut self) {
-        self.cursor = 0;
-    }
-
-    /// Takes over the stiffness that another probe of the same rig has seen; the expected power stays its own.
+    /// Knows of the determinant what another probe of the same rig knows; of the expected power what it knew. Allocates no memory.
     pub(super) fn take_up(&mut self, other: &Self) {
         (self.determinant, self.cursor) = (other.determinant, other.cursor);
         self.stiffening.copy_from_slice(&other.stiffening);
+    }
+
+    /// Begins with the first parameter.
+    pub(super) fn restart(&mut self) {
+        self.cursor = 0;
     }
 
     /// Determinant of the residual's Jacobian at the last equilibrium.

@@ -1,41 +1,48 @@
-//! The scout: goes ahead of the loop to every new target, in the model, and tells whether the rod would snap through on the way.
+//! The scout: goes ahead of the loop to every new target, in the model, and tells whether the rod would snap
+//! through on the way.
 //!
 //! # Problem
-//! Magnetic stiffness can end a branch of equilibria between two targets that are both steerable. The rod then snaps to another shape,
-//! faster than any loop. The margin of stability warns late: it falls with the square root of what is left of the way. So the way is
-//! walked before the reference sets out.
+//! Magnetic stiffness can end a branch of equilibria between two targets that are both steerable. The rod
+//! then snaps to another shape, faster than any loop. The margin of stability warns late: it falls with the
+//! square root of what is left of the way. So the way is walked before the reference sets out.
 //!
 //! # Method
-//! A [`Walker`] takes up the loop's own model where it is, equilibrium, derivatives and margin, and walks to the target as the
-//! reference will lead: along great circles, frames evenly. It takes a few steps a cycle, each one call of the model and one allocation,
-//! so that a cycle's cost is bounded; a way of 30 degrees takes some 60 steps. Until it has arrived the reference goes to the target
-//! before: nothing is steered to that was not seen. What is waited for, some 20 ms at 1 kHz, is little beside the time of the reference, and the
-//! same promise holds at any rate of the loop.
+//! A [`Walker`] takes up the loop's own model where it is, equilibrium, derivatives and margin, and walks to
+//! the target as the reference will lead: along great circles, frames evenly. It takes a few steps a cycle,
+//! each one call of the model and one allocation, so that a cycle's cost is bounded; a way of 30 degrees
+//! takes some 60 steps. Until it has arrived the reference goes to the target before: nothing is steered to
+//! that was not seen. What is waited for, some 20 ms at 1 kHz, is little beside the time of the reference,
+//! and the same promise holds at any rate of the loop.
 //!
-//! The model's bias, where it is estimated, is taken along: the walk goes to where the model must point for the magnets to arrive.
+//! The model's bias, where it is estimated, is taken along: the walk goes to where the model must point for
+//! the magnets to arrive.
 //!
-//! A target that comes while a way is walked waits for its end: a stream of targets is cleared one by one, the newest next.
-//! A target beyond the currents' limits does no harm and is gone to as far as they lead.
+//! A target that comes while a way is walked waits for its end: a stream of targets is cleared one by one,
+//! the newest next. A target beyond the currents' limits does no harm and is gone to as far as they lead.
 //!
 //! # Limits
-//! The walk begins where the loop is, not where it will be when the verdict falls: on a reference in full motion the ways differ by what
-//! is turned meanwhile. It is quasi-static, and as good as the model. The watch over the present margin stands behind it.
+//! The walk begins where the loop is, not where it will be when the verdict falls: on a reference in full
+//! motion the ways differ by what is turned meanwhile. It is quasi-static, and as good as the model: a softer
+//! rod snaps earlier. Frames that the secondary tasks turn as they like follow no way that could be walked
+//! before: such targets are gone to unchecked. The watch over the present margin stands behind it.
 //!
-//! What is absent: a clock, an allocation after construction, a decision about what becomes of a refused target.
+//! What is absent: a clock, an allocation after construction, a decision about what becomes of a refused
+//! target.
 
 use magsteer_hal::invalid::Checks;
 use magsteer_hal::{HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::config::ControlConfig;
+use super::config::{ControlConfig, FrameUse};
 use super::cycle::Directions;
 use super::model::Model;
 use super::plan::{Advance, Bounds, Obstacle, Walk, Walker, Waypoint};
 use super::reference::ReferenceTarget;
 use crate::rod::Manipulator;
 
-/// Share of a margin that a motion may lose when it begins below what is allowed: ways out are rarely ways up from the first step.
+/// Share of a margin that a motion may lose when it begins below what is allowed: ways out are rarely ways up
+/// from the first step.
 const LOSS_SHARE: f64 = 0.5;
 /// Most steps of a walk in one cycle, however long that is.
 const STEPS_MAX: f64 = 20.0;
@@ -44,15 +51,17 @@ const STEPS_MAX: f64 = 20.0;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScoutConfig {
-    /// Steps of the walk in a second, 10 to 100000, at most 20 in one cycle; each costs about as much as a cycle's own call of the model.
+    /// Steps of the walk in a second, 10 to 100000, at most 20 in one cycle; each costs about as much as a
+    /// cycle's own call of the model.
     pub steps_per_s: f64,
-    /// Farthest that a magnet turns between two stations of the walk, deg, 0.1 to 10; frames turn twice as far. What is walked between is
-    /// steered by derivatives from some stations before.
+    /// Farthest that a magnet turns between two stations of the walk, deg, 0.1 to 10; frames turn twice as
+    /// far. What is walked between is steered by derivatives from some stations before.
     pub station_deg: f64,
-    /// Least margin of stability on a way that may be gone, -10 to 10; 1 is the rod at rest, 0 the snap. Above what the model's errors
-    /// and the swing of the first mode make of it.
+    /// Least margin of stability on a way that may be gone, -10 to 10; 1 is the rod at rest, 0 the snap.
+    /// Above what the model's errors and the swing of the first mode make of it.
     pub margin_min: f64,
-    /// Greatest error at the end of a way that counts as reached, deg, > 0, at most 45. Of no consequence but for the verdict.
+    /// Greatest error at the end of a way that counts as reached, deg, > 0, at most 45. Of no consequence but
+    /// for the verdict.
     pub tolerance_deg: f64,
 }
 
@@ -69,7 +78,7 @@ impl ScoutConfig {
 /// What is known of the way to the target.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Verdict {
-    /// Nobody looks: there is no scout, or the loop does not steer.
+    /// Nobody looks: there is no scout, the loop does not steer, or secondary tasks turn the frames as they like.
     #[default]
     Unchecked,
     /// The scout is under way.
@@ -95,7 +104,8 @@ pub enum Verdict {
     },
 }
 
-/// Least margin that a motion which begins at `present` may come to, where `least` is asked of one that begins above it.
+/// Least margin that a motion which begins at `present` may come to, where `least` is asked of one that
+/// begins above it.
 #[must_use]
 pub fn margin_allowed(least: f64, present: f64) -> f64 {
     // Not a number is no reason to allow less.
@@ -121,6 +131,8 @@ pub(super) struct Standing<'a> {
 #[derive(Debug)]
 pub(super) struct Scout {
     walker: Walker,
+    /// True where frames without goals are turned by secondary tasks.
+    frames_are_free: bool,
     steps_per_s: f64,
     /// Steps that time has earned and nobody has taken.
     credit: f64,
@@ -145,6 +157,7 @@ impl Scout {
         Self {
             magnets: manipulator.magnet_count(),
             walker: Walker::for_scout(config.station_deg.to_radians(), control, description, manipulator),
+            frames_are_free: control.frame_angles == FrameUse::Steer && !description.frames.is_empty(),
             steps_per_s: config.steps_per_s,
             credit: 0.0,
             bounds: Bounds { margin_min: config.margin_min, tolerance: config.tolerance_deg.to_radians() },
@@ -168,6 +181,11 @@ impl Scout {
 
     /// One cycle's share of looking ahead to `asked`; returns where the reference may go meanwhile.
     pub(super) fn lead(&mut self, asked: &ReferenceTarget, standing: &Standing<'_>) -> ReferenceTarget {
+        if self.frames_are_free && asked.frame_angles.is_none() {
+            (self.under_way, self.judged, self.verdict) = (None, None, Verdict::Unchecked);
+            self.cleared = *asked;
+            return *asked;
+        }
         if self.judged.as_ref() != Some(asked) {
             self.verdict = Verdict::Checking;
             // To stop, and to go where it goes anyway, need no looking.

@@ -53,15 +53,18 @@ pub struct DaemonConfig {
     pub model_stop_ms: f64,
     /// Margin of stability (1 at rest, 0 at the snap-through) below which the status warns, -10 to 10.
     pub stability_warn: f64,
-    /// Below this the daemon goes no further: it keeps currents and frames as they are until another target is set, -10 to
-    /// `stability_warn`; -10 never holds. Keeping currents is no motion and keeps the margin, which steering on might not: even a reference
-    /// at rest lets currents decay in directions that do not turn the magnets. Above what the model's errors hide, below what steps
-    /// of the targets pass through. From below it a motion may begin that loses no more than half of the margin left.
+    /// Below this the daemon goes no further: it keeps currents and frames as they are until another target
+    /// is set, -10 to `stability_warn`; -10 never holds. Keeping currents is no motion and keeps the margin,
+    /// which steering on might not: even a reference at rest lets currents decay in directions that do not
+    /// turn the magnets. Above what the model's errors hide, below what steps of the targets pass through.
+    /// From below it a motion may begin that loses no more than half of the margin left.
     pub stability_hold: f64,
-    /// Below this for `stability_stop_ms` the daemon ramps to zero, -10 to `stability_hold`; -10 never does. A ramp is a motion too, of some
-    /// tens of degrees within a tenth of a second, and from near a snap-through it may pass through one: above 0 it is therefore worse than keeping
-    /// the currents. Below 0 no rod stays where the model has it: it has snapped or is about to, and is steered by the Jacobian of a shape that it
-    /// does not have. Without currents it has one shape only, so that a ramp ends where it is known to be.
+    /// Below this for `stability_stop_ms` the daemon ramps to zero, -10 to `stability_hold`; -10 never does.
+    /// A ramp is a motion too, of some tens of degrees within a tenth of a second, and from near a
+    /// snap-through it may pass through one: above 0 it is therefore worse than keeping the currents. Below 0
+    /// no rod stays where the model has it: it has snapped or is about to, and is steered by the Jacobian of
+    /// a shape that it does not have. Without currents it has one shape only, so that a ramp ends where it is
+    /// known to be.
     pub stability_stop: f64,
     /// How long the margin may stay below `stability_stop`, ms, 1 to 5000. Above what the first mode swings across.
     pub stability_stop_ms: f64,

@@ -152,7 +152,8 @@ fn a_whole_run_sends_claim_drive_ramp_release_and_breaks_no_limit() {
     assert_eq!((last.decision.state, last.order), (state::IDLE, None));
 }
 
-/// Goal: a refused target gives way to the one in force; near a snap-through to the reference, with currents kept to the last bit.
+/// Goal: a refused target gives way to the one in force; near a snap-through to the reference, with currents
+/// kept to the last bit.
 #[test]
 fn targets_given_up_give_way_to_what_is_in_force() {
     let (near, far): (Directions, Directions) = ([[0.6, 0.0, 0.8]; 8], [[1.0, 0.0, 0.0]; 8]);

@@ -82,7 +82,8 @@ impl Observation {
     }
 }
 
-/// How far above its limit the margin of stability ends a warning: the noise of measured currents moves it by half of that.
+/// How far above its limit the margin of stability ends a warning: the noise of measured currents moves it by
+/// half of that.
 const WARNING_BAND: f64 = 0.03;
 
 /// What a cause makes of the outputs.

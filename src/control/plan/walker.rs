@@ -33,7 +33,8 @@ const ALLOCATIONS_MAX: u32 = 40;
 const FOLLOWS_MAX: u32 = 12;
 /// Greatest change of a current in one allocation, A: some percent of what changes the Jacobian.
 const CURRENT_STEP: f64 = 0.5;
-/// Share of the currents in the null space that one allocation takes away, and of a lost margin that it regains, to first order.
+/// Share of the currents in the null space that one allocation takes away, and of a lost margin that it
+/// regains, to first order.
 const NULL_SPACE_SHARE: f64 = 0.3;
 /// Change of the currents per allocation at which a posture counts as relaxed, A.
 const RELAXED: f64 = 0.02;
@@ -245,8 +246,8 @@ impl Walker {
         Self::with_shares(shares, control, description, manipulator, disturbance)
     }
 
-    /// As [`Self::new`], in finer steps of `station` (rad) and with the tasks in the null space in the proportion that they have in the
-    /// loop: it passes where the loop passes, at the price of more steps.
+    /// As [`Self::new`], in finer steps of `station` (rad) and with the tasks in the null space in the
+    /// proportion that they have in the loop: it passes where the loop passes, at the price of more steps.
     #[must_use]
     pub fn for_scout(
         station: f64,

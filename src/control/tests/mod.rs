@@ -5,4 +5,5 @@ mod allocation;
 mod cycle;
 mod fixtures;
 mod model;
+mod scout;
 mod secondary;

@@ -14,7 +14,8 @@ fn target() -> Verb {
     Verb::SetTarget([[0.0, 0.0, 1.0]; 8].into())
 }
 
-/// Goal: a refused target is given up once, the loop goes on steering, and the refusal is seen until another target is set.
+/// Goal: a refused target is given up once, the loop goes on steering, and the refusal is seen until another
+/// target is set.
 #[test]
 fn refused_target_is_given_up_and_named_until_the_next() {
     let mut bench = Bench::active();
@@ -45,7 +46,8 @@ fn way_out_of_the_field_model_is_refused_by_its_name_and_one_out_of_reach_is_gon
     assert_eq!(bench.cycle(None).given_up, Some(Cause::TargetOutsideField));
 }
 
-/// Goal: below the limit, and not above it, currents are kept until another target is set, whatever the margin does meanwhile.
+/// Goal: below the limit, and not above it, currents are kept until another target is set, whatever the
+/// margin does meanwhile.
 #[test]
 fn margin_below_its_limit_keeps_the_currents_until_another_target_is_set() {
     let mut bench = Bench::active();

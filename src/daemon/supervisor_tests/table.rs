@@ -10,6 +10,7 @@ use crate::daemon::state::Verb;
 use crate::daemon::supervisor::Decision;
 
 /// What happens to a daemon in the table below.
+#[expect(clippy::large_enum_variant, reason = "a few in a test")]
 #[derive(Debug, Clone, Copy)]
 enum Event {
     Ask(Verb),
