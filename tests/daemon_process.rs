@@ -32,7 +32,7 @@ impl World {
         let text = format!(
             "extends = {shipped:?}\n[daemon]\nrate_hz = 500.0\ncommand_validity_ms = 1000.0\npose_hold_ms = 2000.0\n\
              pose_stop_ms = 4000.0\npose_error_max_deg = 180.0\nfollowing_stop_ms = 2000.0\nfeedback_stop_ms = 2000.0\nmodel_stop_ms = 5000.0\nramp_timeout_ms = 5000.0\n\
-             overrun_fraction = 0.99\noverrun_window_ms = 10000.0\n"
+             overrun_fraction = 0.99\noverrun_window_ms = 10000.0\n[control]\nfeedback = \"delayed-reference\"\n"
         );
         std::fs::write(&file, text).expect("own directory");
         let (_, config) = Config::load(&file).expect("extends a shipped file");

@@ -9,7 +9,7 @@ mod counting_allocator;
 use std::time::Duration;
 
 use counting_allocator::allocations_in;
-use magsteer::control::{CycleInput, CycleOutcome, Step};
+use magsteer::control::{CycleInput, CycleOutcome, FrameUse, ReferenceTarget, Step};
 use magsteer::daemon::{ControlLoop, CycleRecord, DaemonConfig, LoopOptions, Request, Tick, Verb};
 use magsteer_hal::channels::{DaemonServices, DriverEnd, PrivateRoot};
 use magsteer_hal::operator::state;
@@ -185,7 +185,10 @@ fn steer_a_misreading_rig(file: &str, seed: u64) {
         control_loop.hardware_mut().disturb(&mut random);
         let verb = if random.random_bool(0.004) {
             let angle: f64 = random.random_range(-3.0..3.0);
-            Some(Verb::SetTarget([[angle.sin(), 0.0, angle.cos()]; 8].into()))
+            let directions = [[angle.sin(), 0.0, angle.cos()]; 8];
+            // Where frames steer, the way of a target that names their angles is looked at.
+            let steered = config.control.as_ref().is_some_and(|it| it.frame_angles == FrameUse::Steer);
+            Some(Verb::SetTarget(ReferenceTarget { directions, frame_angles: steered.then_some([0.3; 8]) }))
         } else {
             // A stop now and then, but long stretches of steering.
             some_verb(&mut random).filter(|verb| *verb != Verb::Stop || random.random_bool(0.2))

@@ -193,7 +193,7 @@ fn a_rig_without_a_plan_is_refused_by_the_name_of_the_table() {
     let world = World::new();
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
     let text = fs::read_to_string(shipped).unwrap();
-    let start = text.find("[control.plan]").unwrap();
+    let start = text.find("\n[control.plan]").unwrap();
     let end = start + text[start..].find("\n[daemon]").unwrap();
     world.write("bare.toml", &format!("{}{}", &text[..start], &text[end..]));
     for command in ["plan", "reach"] {

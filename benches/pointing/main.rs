@@ -91,7 +91,7 @@ fn targets(rest: &Directions, cone_deg: f64, count: usize) -> Vec<Directions> {
 /// A way to every target from the one reached before it.
 fn planned(planner: &Planner, targets: &[Directions]) -> Vec<Option<Plan>> {
     let mut at = planner.rest().clone();
-    let mut plan = |target| {
+    let plan = |target| {
         let plan = planner.plan(&at, target).ok()?;
         at = plan.standing();
         Some(plan)

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+#[cfg(feature = "sim")]
 use magsteer::config::Experiment;
 use magsteer::config::{Document, Problems};
 #[cfg(feature = "sim")]

@@ -40,8 +40,8 @@ pub fn draw(rest: &Directions, magnets: usize, cone: f64, count: usize, seed: u6
             ring: 0,
             weight: 1.0,
         };
-        for magnet in 0..magnets {
-            let axis = Vector3::from(rest[magnet]);
+        for (magnet, axis) in rest.iter().enumerate().take(magnets) {
+            let axis = Vector3::from(*axis);
             // Never the number of rings: a unit number is below 1.
             let ring = (random.unit() * rings as f64) as usize;
             let direction = draw_direction(&axis, [edges[ring], edges[ring + 1]], &mut random);
