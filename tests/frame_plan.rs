@@ -230,7 +230,7 @@ fn frames_at_zero_reach_targets_in_their_plane_and_none_out_of_it() {
     assert!(inside.waypoints.iter().all(|waypoint| waypoint.frame_angles == zero));
     let refused = planner.from_rest_with(&zero, &turned(&rest, Vector3::z(), 10.0)).unwrap_err();
     assert_eq!(refused.tried, 1);
-    assert_eq!(refused.most_often, magsteer::control::plan::Obstacle::OutOfReach);
+    assert_eq!(refused.closest, magsteer::control::plan::Obstacle::OutOfReach);
 }
 
 #[test]

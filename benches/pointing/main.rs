@@ -8,18 +8,18 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use magsteer::control::Directions;
-use magsteer::control::plan::{Plan, Planner, Standing, Waypoint};
+use magsteer::control::plan::{Plan, Planner, Standing, Waypoint, draw_targets};
 use magsteer::daemon::lockstep::{PlayEnd, TimedTarget};
-use magsteer::math::{angle_between, orthonormal_complement};
+use magsteer::math::angle_between;
 use nalgebra::Vector3;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 #[path = "../../tests/rig_support/mod.rs"]
 mod rig_support;
 
 use rig_support::{Bench, Setup};
 
+/// Of the targets: those of `magsteer plan --seed 7`.
+const SEED: u64 = 7;
 /// Time at a target after the reference has arrived, s.
 const STAY: f64 = 2.0;
 /// Time at a waypoint on the way after the reference has arrived, s.
@@ -49,7 +49,8 @@ fn survey(name: &str, setup: &Setup, cone_deg: f64, count: usize) {
     let manipulator = config.manipulator.clone().expect("has a model");
     let plan = control.plan.as_ref().expect("has a planner");
     let planner = Planner::new(plan, control, &config.description, manipulator);
-    let targets = targets(&planner.rest().posture.directions, cone_deg, count);
+    let rest = &planner.rest().posture.directions;
+    let targets = draw_targets(rest, 2, cone_deg.to_radians(), count, SEED);
     let begin = Instant::now();
     let plans = planned(&planner, &targets);
     let planning = begin.elapsed().as_secs_f64() / count as f64;
@@ -66,26 +67,6 @@ fn survey(name: &str, setup: &Setup, cone_deg: f64, count: usize) {
     for note in played.notes {
         println!("    {note}");
     }
-}
-
-fn targets(rest: &Directions, cone_deg: f64, count: usize) -> Vec<Directions> {
-    let mut random = ChaCha8Rng::seed_from_u64(7);
-    let mut draw = |about: &[f64; 3]| -> [f64; 3] {
-        let about = Vector3::from(*about);
-        let cosine = 1.0 - random.random::<f64>() * (1.0 - cone_deg.to_radians().cos());
-        let azimuth = random.random::<f64>() * std::f64::consts::TAU;
-        let [first, second] = orthonormal_complement(&about);
-        let across = first * azimuth.cos() + second * azimuth.sin();
-        (about * cosine + across * (1.0 - cosine * cosine).sqrt()).into()
-    };
-    (0..count)
-        .map(|_| {
-            let mut directions = Directions::default();
-            directions[0] = draw(&rest[0]);
-            directions[1] = draw(&rest[1]);
-            directions
-        })
-        .collect()
 }
 
 /// A way to every target from the one reached before it.

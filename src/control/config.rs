@@ -131,6 +131,7 @@ impl ControlConfig {
     /// What does not fit the rig of `description`, keyed from the root of the file.
     #[must_use]
     pub fn check_rig(&self, description: &HardwareDescription) -> Vec<Invalid> {
-        self.secondary.as_ref().map_or_else(Vec::new, |secondary| secondary.check_rig(description))
+        let secondary = self.secondary.iter().flat_map(|secondary| secondary.check_rig(description));
+        secondary.chain(self.plan.iter().flat_map(|plan| plan.check_rig(description))).collect()
     }
 }

@@ -38,6 +38,7 @@ mod supervisor;
 #[cfg(test)]
 mod supervisor_tests;
 pub mod target;
+mod target_rules;
 mod telemetry;
 mod trust;
 mod view;

@@ -141,6 +141,28 @@ pub struct Answer {
 /// Most answers in one cycle: to the request of the cycle, and to the claim that it cancelled.
 pub const ANSWERS_MAX: usize = 2;
 
+/// Answers of one cycle: whom, and why not.
+#[derive(Debug, Default)]
+pub(super) struct Answers {
+    verdicts: [Option<(u32, Option<Cause>)>; ANSWERS_MAX],
+}
+
+impl Answers {
+    pub(super) fn push(&mut self, id: u32, refused: Option<Cause>) {
+        if let Some(free) = self.verdicts.iter_mut().find(|verdict| verdict.is_none()) {
+            *free = Some((id, refused));
+        }
+    }
+
+    pub(super) fn refuse(&mut self, id: u32, cause: Cause) {
+        self.push(id, Some(cause));
+    }
+
+    pub(super) fn given(&self, state: u32, epoch: u64) -> [Option<Answer>; ANSWERS_MAX] {
+        self.verdicts.map(|verdict| verdict.map(|(id, refused)| Answer { id, refused, state, epoch }))
+    }
+}
+
 /// What the cycle may send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Directive {

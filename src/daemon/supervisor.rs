@@ -7,16 +7,17 @@
 //! What is absent: a clock, a channel, a log, an allocation. Nothing leaves `Fault` without a reset, and
 //! nothing enters `Active` without a `go`, but for a return from a brief loss of sensing.
 
+use magsteer_hal::HardwareDescription;
 use magsteer_hal::Stamp;
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::Cause;
 
 use crate::control::plan::Obstacle;
-use crate::control::{Directions, ReferenceTarget, Verdict};
-use magsteer_hal::HardwareDescription;
+use crate::control::{ReferenceTarget, Verdict};
 
 use super::config::Limits;
-use super::state::{ANSWERS_MAX, Answer, Directive, Request, State, Transition, Verb};
+use super::state::{ANSWERS_MAX, Answer, Answers, Directive, Request, State, Transition, Verb};
+use super::target_rules::TargetRules;
 use super::watch::{DriverView, Observation, Response, Watch, response};
 
 /// What the supervisor decided in one cycle.
@@ -59,9 +60,7 @@ pub struct Supervisor {
     epoch: u64,
     /// Until when a release is repeated.
     release_until: Stamp,
-    magnet_count: usize,
-    /// Least and greatest angle of each frame, rad.
-    angle_ranges: Vec<(f64, f64)>,
+    target_rules: TargetRules,
     realtime_missing: bool,
     ending: bool,
 }
@@ -73,8 +72,7 @@ impl Supervisor {
         Self {
             state: State::Boot,
             watch: Watch::new(limits),
-            magnet_count: rig.magnets().count(),
-            angle_ranges: rig.frames.iter().map(|frame| (frame.angle_min, frame.angle_max)).collect(),
+            target_rules: TargetRules::new(rig),
             cause: None,
             verdict: Verdict::Unchecked,
             epoch: 0,
@@ -108,7 +106,7 @@ impl Supervisor {
         let given_up = self.give_up(seen);
         match request {
             Some(Request { id, verb: Verb::SetTarget(asked) }) => {
-                target = self.usable(&asked);
+                target = self.target_rules.usable(&asked);
                 answers.push(id, target.is_none().then_some(Cause::TargetInvalid));
                 if target.is_some() {
                     self.set_out(seen);
@@ -157,15 +155,6 @@ impl Supervisor {
         if let State::Holding { by_operator, sensing_lost, .. } = self.state {
             self.enter_holding(by_operator, sensing_lost, false);
         }
-    }
-
-    /// The target with its directions normalised; `None` when the rig cannot take it.
-    fn usable(&self, target: &ReferenceTarget) -> Option<ReferenceTarget> {
-        let directions = unit_directions(&target.directions, self.magnet_count)?;
-        let mut angles = target.frame_angles.iter().flat_map(|angles| angles.iter().zip(&self.angle_ranges));
-        // Not a number lies in no range.
-        let within = angles.all(|(angle, (least, most))| (least..=most).contains(&angle));
-        within.then_some(ReferenceTarget { directions, ..*target })
     }
 
     /// True when the process was told to end and nothing is left to send.
@@ -446,43 +435,5 @@ impl Supervisor {
         self.release_until = now.after(self.watch.limits().command_validity);
         self.cause = Some(cause);
         self.state = State::Fault { cause };
-    }
-}
-
-/// The directions normalised; `None` unless there is one finite unit vector a magnet.
-fn unit_directions(directions: &Directions, magnet_count: usize) -> Option<Directions> {
-    // Looser than any rounding on the way here, tight enough that a forgotten normalisation shows.
-    const NORM_TOLERANCE: f64 = 1e-3;
-    let mut units = Directions::default();
-    for (unit, direction) in units.iter_mut().zip(directions).take(magnet_count) {
-        let norm = direction.iter().map(|component| component * component).sum::<f64>().sqrt();
-        // Not a number lies in no range.
-        if !(1.0 - NORM_TOLERANCE..=1.0 + NORM_TOLERANCE).contains(&norm) {
-            return None;
-        }
-        *unit = direction.map(|component| component / norm);
-    }
-    Some(units)
-}
-
-/// Answers of one cycle: whom, and why not.
-#[derive(Debug, Default)]
-struct Answers {
-    verdicts: [Option<(u32, Option<Cause>)>; ANSWERS_MAX],
-}
-
-impl Answers {
-    fn push(&mut self, id: u32, refused: Option<Cause>) {
-        if let Some(free) = self.verdicts.iter_mut().find(|verdict| verdict.is_none()) {
-            *free = Some((id, refused));
-        }
-    }
-
-    fn refuse(&mut self, id: u32, cause: Cause) {
-        self.push(id, Some(cause));
-    }
-
-    fn given(&self, state: u32, epoch: u64) -> [Option<Answer>; ANSWERS_MAX] {
-        self.verdicts.map(|verdict| verdict.map(|(id, refused)| Answer { id, refused, state, epoch }))
     }
 }

@@ -1,11 +1,11 @@
 //! `[control.plan]` of the configuration file.
 
 use magsteer_hal::HardwareDescription;
-use magsteer_hal::invalid::Checks;
+use magsteer_hal::invalid::{Checks, Invalid};
 use serde::{Deserialize, Serialize};
 
-/// Most frame settings of a search.
-pub const SETTINGS_MAX: usize = 10_000;
+/// Most frame settings of a search; a hundred take some 0.1 s of a core.
+const SETTINGS_MAX: usize = 10_000;
 
 /// `[control.plan]`: how frame angles are searched for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,9 +17,9 @@ pub struct PlanConfig {
     pub frame_range_deg: f64,
     /// RMS of the orientation disturbance that the currents shall be able to undo, deg, 0 to 30; (p1).
     pub disturbance_deg: f64,
-    /// Least margin of stability on a way, 0 to 10.
+    /// Least margin of stability on a way, 0 to 1: 1 without loads, 0 at a snap-through.
     pub margin_min: f64,
-    /// Margin of stability below which a way is taken only where there is no better, 0 to 10.
+    /// Margin of stability below which a way is taken only where there is no better, 0 to 1.
     pub margin_wanted: f64,
     /// Greatest error of a target that counts as reached in the model, deg, > 0, at most 5.
     pub tolerance_deg: f64,
@@ -31,9 +31,24 @@ impl PlanConfig {
         checks.within("control.plan.frame_step_deg", self.frame_step_deg, 1.0, 180.0);
         checks.within("control.plan.frame_range_deg", self.frame_range_deg, 0.0, 180.0);
         checks.within("control.plan.disturbance_deg", self.disturbance_deg, 0.0, 30.0);
-        checks.within("control.plan.margin_min", self.margin_min, 0.0, 10.0);
-        checks.within("control.plan.margin_wanted", self.margin_wanted, 0.0, 10.0);
+        checks.within("control.plan.margin_min", self.margin_min, 0.0, 1.0);
+        checks.within("control.plan.margin_wanted", self.margin_wanted, 0.0, 1.0);
         checks.within("control.plan.tolerance_deg", self.tolerance_deg, 1e-4, 5.0);
+    }
+
+    /// What does not fit the rig of `description`, keyed from the root of the file.
+    #[must_use]
+    pub(in crate::control) fn check_rig(&self, description: &HardwareDescription) -> Vec<Invalid> {
+        let mut checks = Checks::new();
+        let angles = (0..description.frames.len()).map(|frame| self.angles(description, frame).len());
+        let settings = angles.fold(1_usize, usize::saturating_mul);
+        checks.require(
+            settings <= SETTINGS_MAX,
+            "control.plan.frame_step_deg",
+            format!("{} ({settings} settings of all frames)", self.frame_step_deg),
+            format!("large enough for at most {SETTINGS_MAX} settings"),
+        );
+        checks.into_result(()).err().unwrap_or_default()
     }
 
     /// Angles that are tried for one frame, rad: zero first, then by distance from it.
@@ -49,5 +64,42 @@ impl PlanConfig {
         }
         angles.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
         angles
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use magsteer_hal::scripted::example_description;
+
+    use super::*;
+
+    fn config(frame_step_deg: f64, frame_range_deg: f64) -> PlanConfig {
+        PlanConfig {
+            frame_step_deg,
+            frame_range_deg,
+            disturbance_deg: 3.0,
+            margin_min: 0.1,
+            margin_wanted: 0.7,
+            tolerance_deg: 0.1,
+        }
+    }
+
+    /// Goal: two frames of 361 angles each make more settings than a search can try, and are refused by their key.
+    #[test]
+    fn too_fine_a_grid_is_refused() {
+        let rig = example_description();
+        assert_eq!(config(10.0, 90.0).check_rig(&rig), []);
+        let refused = config(1.0, 180.0).check_rig(&rig);
+        assert_eq!(refused.len(), 1);
+        assert_eq!(refused[0].key, "control.plan.frame_step_deg");
+        assert!(refused[0].value.contains("130321 settings"), "{refused:?}");
+    }
+
+    #[test]
+    fn a_grid_keeps_its_end_and_begins_at_zero() {
+        let angles = config(30.0, 90.0).angles(&example_description(), 0);
+        assert_eq!(angles.len(), 7);
+        assert_eq!(angles[0], 0.0);
+        assert!((angles[6].abs() - 90.0_f64.to_radians()).abs() < 1e-12);
     }
 }

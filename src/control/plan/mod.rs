@@ -25,10 +25,12 @@ mod planner;
 mod route;
 mod search;
 mod targets;
+mod walk;
 mod walker;
 
-pub use config::{PlanConfig, SETTINGS_MAX};
+pub use config::PlanConfig;
 pub use expected_power::ExpectedPower;
 pub use planner::{Plan, Planner, Standing, Unreached};
 pub use targets::{Targets, draw_direction, draw_targets, parse_targets, target_columns};
-pub use walker::{Advance, Bounds, Obstacle, Posture, Walk, Walked, Walker, Waypoint};
+pub use walk::{Advance, Bounds, Obstacle, Posture, Walk, Walked, Waypoint};
+pub use walker::Walker;

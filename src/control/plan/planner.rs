@@ -1,23 +1,19 @@
 //! Global search over frame settings: what can be asked of it. How it goes is in `search`.
 
-use magsteer_hal::{Actuation, HardwareDescription, POSE_PARAMETERS_MAX};
-use nalgebra::Vector3;
+use magsteer_hal::{HardwareDescription, POSE_PARAMETERS_MAX};
 use rayon::prelude::*;
 
 use super::config::PlanConfig;
 use super::route::Route;
 use super::search::Tried;
-use super::walker::{Bounds, Obstacle, Posture, Walked, Walker, Waypoint};
+use super::walk::{Bounds, Obstacle, Posture, Walked, Waypoint};
+use super::walker::Walker;
 use crate::control::config::ControlConfig;
 use crate::control::cycle::Directions;
-use crate::math::{along_great_circle, logarithm};
 use crate::rod::Manipulator;
 
 /// By how much worse the direct way may be than one by way of rest, as a ratio of scores, and still be preferred.
 const DIRECT_PREFERENCE: f64 = 2.0;
-
-/// Shares of the way to a target at which frames may turn once more.
-const EASIER: [f64; 2] = [0.85, 0.65];
 
 /// Frame angles, rad.
 pub(super) type Setting = [f64; POSE_PARAMETERS_MAX];
@@ -60,8 +56,6 @@ pub struct Standing {
 pub struct Unreached {
     /// Frame settings tried.
     pub tried: usize,
-    /// What ended most walks.
-    pub most_often: Obstacle,
     /// What ended the walk that came closest.
     pub closest: Obstacle,
 }
@@ -134,41 +128,12 @@ impl Planner {
         self.settings.len()
     }
 
-    /// Where the rod stands when currents and angles go from rest straight to `actuation`.
-    ///
-    /// # Errors
-    /// When the model loses it on the way, or no way back to rest is found.
-    pub fn standing_at(&self, actuation: &Actuation) -> Result<Standing, Unreached> {
-        let mut walker = self.walker.clone();
-        let lost = |obstacle| Unreached { tried: 0, most_often: obstacle, closest: obstacle };
-        walker.resume(&self.rest.posture).map_err(lost)?;
-        walker.actuate(actuation).map_err(lost)?;
-        let posture = walker.posture();
-        let home = match self.way_home(&posture, Vec::new()) {
-            Some(home) => home,
-            None => self.search_from(&posture, &self.rest.posture.directions)?.waypoints,
-        };
-        Ok(Standing { posture, home })
-    }
-
-    /// The best way from rest to `target`; where no single setting leads there, one by way of an easier target, with other frames there.
+    /// The best way from rest to `target`.
     ///
     /// # Errors
     /// When no setting arrives.
     pub fn from_rest(&self, target: &Directions) -> Result<Plan, Unreached> {
-        self.search_from_rest(target).or_else(|unreached| self.by_way_of_easier(target).ok_or(unreached))
-    }
-
-    /// A way on which the frames turn once more while the magnets are held up, part of the way out.
-    fn by_way_of_easier(&self, target: &Directions) -> Option<Plan> {
-        EASIER.iter().find_map(|share| {
-            let halfway = between(&self.rest.posture.directions, target, *share);
-            let easier = self.search_from_rest(&halfway).ok()?;
-            let onward = self.search_from(&easier.posture, target).ok()?;
-            let waypoints = easier.waypoints.iter().chain(&onward.waypoints).copied().collect();
-            let whole = self.walk_through(&self.rest.posture, waypoints).ok()?;
-            Some(Plan { home: onward.home, ..whole })
-        })
+        self.search(&self.rest.posture, target, true)
     }
 
     /// A way from rest to `target` with the frames held at one setting, as an array without frames would have it.
@@ -203,7 +168,7 @@ impl Planner {
     /// # Errors
     /// When no setting arrives.
     pub fn plan(&self, from: &Standing, target: &Directions) -> Result<Plan, Unreached> {
-        let straight = self.search_from(&from.posture, target);
+        let straight = self.search(&from.posture, target, false);
         let around = self.by_way_of_rest(from, target);
         match (straight, around) {
             (Ok(straight), Ok(around)) => {
@@ -220,8 +185,7 @@ impl Planner {
         let onward = self.from_rest(target)?;
         let waypoints = from.home.iter().chain(&onward.waypoints).copied().collect();
         let whole = self.walk_through(&from.posture, waypoints);
-        let whole =
-            whole.map_err(|obstacle| Unreached { tried: 1, most_often: obstacle, closest: obstacle })?;
+        let whole = whole.map_err(|obstacle| Unreached { tried: 1, closest: obstacle })?;
         Ok(Plan { home: onward.home, ..whole })
     }
 
@@ -231,14 +195,4 @@ impl Planner {
         let short = (self.margin_wanted / walked.margin_min).max(1.0);
         walked.expected_max * short * short
     }
-}
-
-/// Directions a share of the way along great circles.
-fn between(from: &Directions, to: &Directions, share: f64) -> Directions {
-    let mut there = *to;
-    for (there, (from, to)) in there.iter_mut().zip(from.iter().zip(to)) {
-        let (from, to) = (Vector3::from(*from), Vector3::from(*to));
-        *there = along_great_circle(&from, &(logarithm(&from, &to) * share), &Vector3::zeros()).0.into();
-    }
-    there
 }

@@ -1,6 +1,6 @@
 //! Routes: the ways on which a target is tried with one frame setting.
 
-use super::walker::Waypoint;
+use super::walk::Waypoint;
 use crate::control::cycle::Directions;
 
 /// In which order magnets move.

@@ -4,13 +4,12 @@
 //! at afterwards: it would not be taken. Batches are of one size whatever the number of threads, and each way is walked by a fresh
 //! copy of one walker, so that neither threads nor their pace are seen in a result.
 
-use std::collections::BTreeMap;
-
 use rayon::prelude::*;
 
 use super::planner::{Plan, Planner, Setting, Unreached};
 use super::route::Route;
-use super::walker::{Obstacle, Posture, Stop, Walked, Walker, Waypoint};
+use super::walk::{Obstacle, Posture, Stop, Walked, Waypoint};
+use super::walker::Walker;
 use crate::control::cycle::Directions;
 
 /// Settings of the grid about which a search goes on when none of the grid arrives.
@@ -58,19 +57,10 @@ struct Followed {
     halted: Vec<Halt>,
 }
 
-/// Why targets are not reached: what ended walks.
+/// Why a target is not reached: what ended the walk that came closest.
 fn unreached(tried: usize, halted: &[Halt]) -> Unreached {
-    let mut counts = BTreeMap::new();
-    for halt in halted {
-        *counts.entry(halt.obstacle).or_insert(0_u32) += 1;
-    }
-    let most_often = counts.into_iter().max_by_key(|(_, count)| *count);
     let closest = halted.iter().min_by(|a, b| a.left.total_cmp(&b.left));
-    Unreached {
-        tried,
-        most_often: most_often.map_or(Obstacle::OutOfReach, |(obstacle, _)| obstacle),
-        closest: closest.map_or(Obstacle::OutOfReach, |halt| halt.obstacle),
-    }
+    Unreached { tried, closest: closest.map_or(Obstacle::OutOfReach, |halt| halt.obstacle) }
 }
 
 impl Planner {
@@ -79,16 +69,6 @@ impl Planner {
         let there = Waypoint { directions: self.rest.posture.directions, frame_angles: setting };
         let plan = self.walk_through(&self.rest.posture, vec![there]).ok();
         Tried { setting, rest: plan.map(|plan| (plan.posture, plan.walked)) }
-    }
-
-    /// The best way to `target` from rest.
-    pub(super) fn search_from_rest(&self, target: &Directions) -> Result<Plan, Unreached> {
-        self.search(&self.rest.posture, target, true)
-    }
-
-    /// The best way to `target` from a posture, frames and magnets turning together.
-    pub(super) fn search_from(&self, from: &Posture, target: &Directions) -> Result<Plan, Unreached> {
-        self.search(from, target, false)
     }
 
     /// The best way to `target` from rest with one setting.
@@ -135,8 +115,14 @@ impl Planner {
         Way { begun: tried.rest.as_ref(), waypoints }
     }
 
-    /// Tries every setting on one group of routes after another, then settings between those of the grid.
-    fn search(&self, from: &Posture, target: &Directions, at_rest: bool) -> Result<Plan, Unreached> {
+    /// The best way to `target`: tries every setting on one group of routes after another, then settings between those of the grid.
+    /// `at_rest` where `from` is without currents: frames then stand in place before the magnets turn.
+    pub(super) fn search(
+        &self,
+        from: &Posture,
+        target: &Directions,
+        at_rest: bool,
+    ) -> Result<Plan, Unreached> {
         let way = |tried, route| {
             if at_rest {
                 return self.way_from_rest(tried, route, target);

@@ -5,6 +5,7 @@ use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::scripted::example_description;
 
 use super::bench::{Bench, limits, ms};
+use crate::control::ReferenceTarget;
 use crate::daemon::state::{Directive, Verb};
 use crate::daemon::supervisor::Supervisor;
 
@@ -247,6 +248,21 @@ fn targets_that_are_no_unit_vectors_are_refused() {
     (target[0], target[1]) = (good, good);
     let decision = bench.cycle(Some(Verb::SetTarget(target.into())));
     assert_eq!(decision.target, Some(target.into()));
+}
+
+/// Goal: frames of -180 to 180 deg take targets to their very ends, and none beyond; entries past the last frame are not read.
+#[test]
+fn targets_with_frame_angles_out_of_range_are_refused() {
+    let mut bench = Bench::idle();
+    let target = |first: f64, second: f64| {
+        let mut angles = [f64::NAN; 8];
+        (angles[0], angles[1]) = (first.to_radians(), second.to_radians());
+        ReferenceTarget { directions: [[0.6, 0.0, 0.8]; 8], frame_angles: Some(angles) }
+    };
+    for bad in [target(180.1, 0.0), target(0.0, -181.0), target(f64::NAN, 0.0), target(0.0, f64::INFINITY)] {
+        assert_eq!(bench.ask(Verb::SetTarget(bad)), Err(Cause::TargetInvalid), "{bad:?}");
+    }
+    assert!(bench.ask(Verb::SetTarget(target(180.0, -180.0))).is_ok());
 }
 
 #[test]
