@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::LazyLock;
 use std::time::Instant;
 
-use magsteer::control::{Cycle, CycleInput, Step};
+use magsteer::control::{Cycle, CycleInput, Step, Verdict};
 use magsteer::daemon::Verb;
 use magsteer_hal::MAGNETS_MAX;
 
@@ -64,31 +64,36 @@ impl Recording {
     }
 }
 
-/// Every step of the recording by itself: what the slowest take, and how many passes the model spends.
+/// Every step of the recording by itself: what the slowest take, with a scout ahead and without, and how many passes the model spends.
 pub fn report() {
     let recording = &*RECORDING;
     let mut cycle = recording.controller();
-    let mut times = Vec::with_capacity(recording.steering.len());
+    let (mut times, mut scouting) = (Vec::with_capacity(recording.steering.len()), Vec::new());
     let (mut passes, mut unconverged, mut saturated) = (0, 0, 0);
     for input in &recording.steering {
         let start = Instant::now();
         let outcome = cycle.step(input);
-        times.push(start.elapsed().as_secs_f64());
+        let time = start.elapsed().as_secs_f64();
+        if outcome.verdict == Verdict::Checking { &mut scouting } else { &mut times }.push(time);
         passes += outcome.model.passes;
         unconverged += u32::from(!outcome.model.converged);
         saturated += u32::from(outcome.saturated > 2);
     }
-    let count = times.len();
-    times.sort_by(f64::total_cmp);
-    let at = |share: f64| times[((count - 1) as f64 * share) as usize] * 1e6;
     println!(
-        "{count} steps one by one: median {:.1} us, 99 % {:.1} us, longest {:.1} us; {:.2} passes a step and one for the margin, \
-         {unconverged} steps without convergence, {saturated} with a coil at a limit.",
-        at(0.5),
-        at(0.99),
-        at(1.0),
-        f64::from(passes) / count as f64,
+        "{:.2} passes a step and one beside; {unconverged} steps without convergence, {saturated} with a coil at a limit.",
+        f64::from(passes) / recording.steering.len() as f64,
     );
+    for (what, times) in [("steering", &mut times), ("steering with a scout under way", &mut scouting)] {
+        let count = times.len();
+        times.sort_by(f64::total_cmp);
+        let at = |share: f64| times[((count - 1) as f64 * share) as usize] * 1e6;
+        println!(
+            "{count} steps one by one, {what}: median {:.1} us, 99 % {:.1} us, longest {:.1} us.",
+            at(0.5),
+            at(0.99),
+            at(1.0),
+        );
+    }
 }
 
 fn directions(angles_deg: [f64; 2]) -> [[f64; 3]; MAGNETS_MAX] {

@@ -16,6 +16,7 @@
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
 //! | `target` | targets and tangents as people write and read them |
+//! | `target_rules` | which targets a rig can take |
 //! | `lockstep` | the loop under stepped time: plays an experiment faster than real time |
 //! | `run_digest` | a run in 64 bits, to see whether two are the same |
 //! | `step_response` | judges how the loop answered a step of its targets |
