@@ -29,6 +29,7 @@ impl World {
         let root = PrivateRoot::create("ms").expect("shared memory is there");
         let file = root.path().join("rig.toml");
         let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
+        // The scripted magnets obey no current: what the model would learn from them is no bias of its own.
         let text = format!(
             "extends = {shipped:?}\n[daemon]\nrate_hz = 500.0\ncommand_validity_ms = 1000.0\npose_hold_ms = 2000.0\n\
              pose_stop_ms = 4000.0\npose_error_max_deg = 180.0\nfollowing_stop_ms = 2000.0\nfeedback_stop_ms = 2000.0\nmodel_stop_ms = 5000.0\nramp_timeout_ms = 5000.0\n\
@@ -85,33 +86,48 @@ impl World {
 }
 
 /// `magsteer run` as a child.
-struct Daemon(Child);
+struct Daemon(Option<Child>);
 
 impl Daemon {
     fn start(world: &World, arguments: &[&str]) -> Self {
         let mut command = world.command(&["run", world.file.to_str().expect("plain"), "--json"]);
         let command = command.args(arguments).stdin(Stdio::piped());
         let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-        Self(child.expect("the program is built"))
+        Self(Some(child.expect("the program is built")))
     }
 
-    fn signal(&self, signal: Signal) {
-        let pid = Pid::from_child(&self.0);
+    fn child(&mut self) -> &mut Child {
+        self.0.as_mut().expect("not waited for yet")
+    }
+
+    fn signal(&mut self, signal: Signal) {
+        let pid = Pid::from_child(self.child());
         kill_process(pid, signal).expect("the child is there");
     }
 
     /// Waits for the end: exit code, what was printed, what was said.
-    fn end(self) -> (Option<i32>, Value, String) {
-        let output = self.0.wait_with_output().expect("a child");
+    fn end(mut self) -> (Option<i32>, Value, String) {
+        let child = self.0.take().expect("not waited for yet");
+        let output = child.wait_with_output().expect("a child");
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         (output.status.code(), serde_json::from_slice(&output.stdout).unwrap_or(Value::Null), said)
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // Nothing of a failed test is to remain.
+        if let Some(mut child) = self.0.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
     }
 }
 
 #[test]
 fn sigint_while_steering_ramps_down_and_ends_with_130() {
     let world = World::new();
-    let daemon = Daemon::start(&world, &["--arm"]);
+    let mut daemon = Daemon::start(&world, &["--arm"]);
     world.until(|status| status["state"] == "armed");
     let file = world.file.to_str().expect("plain");
     let output = world.operator(&["target", "set", "m1=70deg", "m2=110deg", "--config", file, "--json"]);
@@ -145,13 +161,13 @@ fn sigint_while_steering_ramps_down_and_ends_with_130() {
 #[test]
 fn sigterm_while_idle_ends_with_143_and_closed_input_with_0() {
     let world = World::new();
-    let daemon = Daemon::start(&world, &[]);
+    let mut daemon = Daemon::start(&world, &[]);
     world.until(|status| status["state"] == "idle");
     daemon.signal(Signal::TERM);
     assert_eq!(daemon.end().0, Some(143));
     let mut daemon = Daemon::start(&world, &["--end-with-stdin"]);
     world.until(|status| status["state"] == "idle");
-    drop(daemon.0.stdin.take());
+    drop(daemon.child().stdin.take());
     assert_eq!(daemon.end().0, Some(0));
     world.driver.end();
 }
@@ -159,7 +175,7 @@ fn sigterm_while_idle_ends_with_143_and_closed_input_with_0() {
 #[test]
 fn a_killed_daemon_leaves_coils_at_zero_and_the_next_one_starts() {
     let world = World::new();
-    let daemon = Daemon::start(&world, &["--arm"]);
+    let mut daemon = Daemon::start(&world, &["--arm"]);
     world.until(|status| status["state"] == "armed");
     world.insist("go");
     daemon.signal(Signal::KILL);
@@ -169,7 +185,7 @@ fn a_killed_daemon_leaves_coils_at_zero_and_the_next_one_starts() {
         assert!(begin.elapsed() < PATIENCE, "the driver's own watchdog ends it");
         std::thread::sleep(Duration::from_millis(5));
     }
-    let daemon = Daemon::start(&world, &["--arm"]);
+    let mut daemon = Daemon::start(&world, &["--arm"]);
     world.until(|status| status["state"] == "armed");
     daemon.signal(Signal::TERM);
     assert_eq!(daemon.end().0, Some(143));
@@ -179,7 +195,7 @@ fn a_killed_daemon_leaves_coils_at_zero_and_the_next_one_starts() {
 #[test]
 fn refused_requests_end_with_1_and_name_the_cause() {
     let world = World::new();
-    let daemon = Daemon::start(&world, &[]);
+    let mut daemon = Daemon::start(&world, &[]);
     world.until(|status| status["state"] == "idle");
     let file = world.file.to_str().expect("plain");
     let output = world.operator(&["go", file, "--json"]);
@@ -213,7 +229,7 @@ fn without_a_daemon_operators_end_with_69() {
 #[test]
 fn a_second_daemon_on_a_rig_is_refused() {
     let world = World::new();
-    let daemon = Daemon::start(&world, &[]);
+    let mut daemon = Daemon::start(&world, &[]);
     world.until(|status| status["state"] == "idle");
     let (code, _, said) = Daemon::start(&world, &[]).end();
     assert_eq!(code, Some(69), "{said}");

@@ -121,7 +121,7 @@ pub struct Posture {
     pub condition: f64,
 }
 
-/// A walk under way, for a [`Walker`] to advance.
+/// A walk under way, for a [`super::Walker`] to advance.
 #[derive(Debug, Clone, Copy)]
 pub struct Walk {
     pub(super) from: Waypoint,
