@@ -12,8 +12,12 @@ use super::walk::{Obstacle, Posture, Stop, Walked, Waypoint};
 use super::walker::Walker;
 use crate::control::cycle::Directions;
 
-/// Settings of the grid about which a search goes on when none of the grid arrives.
+/// Settings about which a search goes on when none of the grid arrives.
 const REFINED: usize = 8;
+/// How often it does, each time with half the step.
+const ROUNDS: usize = 3;
+/// Difference of frame angles below which two settings are one, rad.
+const SAME: f64 = 1e-6;
 /// Ways whose return is tried before a search gives up.
 const RETURNS_TRIED: usize = 8;
 /// Ways that are walked before the best so far are looked at: many times the cores of a machine.
@@ -38,7 +42,7 @@ struct Way<'a> {
 #[derive(Debug, Clone, Copy)]
 struct Halt {
     obstacle: Obstacle,
-    /// Waypoints left, less the share of the way to the next that was walked.
+    /// Greatest angle of a magnet to its target, rad.
     left: f64,
     /// Frame angles of its goal.
     setting: Setting,
@@ -61,6 +65,22 @@ struct Followed {
 fn unreached(tried: usize, halted: &[Halt]) -> Unreached {
     let closest = halted.iter().min_by(|a, b| a.left.total_cmp(&b.left));
     Unreached { tried, closest: closest.map_or(Obstacle::OutOfReach, |halt| halt.obstacle) }
+}
+
+/// Settings of the walks that came closest, each once, closest first; sorts `halted` so.
+fn closest(halted: &mut [Halt]) -> Vec<Setting> {
+    halted.sort_by(|a, b| a.left.total_cmp(&b.left));
+    let mut settings: Vec<Setting> = Vec::new();
+    for halt in halted {
+        if settings.len() < REFINED && !settings.iter().any(|other| are_same(other, &halt.setting)) {
+            settings.push(halt.setting);
+        }
+    }
+    settings
+}
+
+fn are_same(a: &Setting, b: &Setting) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() < SAME)
 }
 
 impl Planner {
@@ -115,6 +135,19 @@ impl Planner {
         Way { begun: tried.rest.as_ref(), waypoints }
     }
 
+    /// The way from a posture, or from rest, to `target`.
+    fn way<'a>(
+        &self,
+        from: Option<&Posture>,
+        tried: &'a Tried,
+        route: Route,
+        target: &Directions,
+    ) -> Way<'a> {
+        let Some(from) = from else { return self.way_from_rest(tried, route, target) };
+        let to = Waypoint { directions: *target, frame_angles: tried.setting };
+        Way { begun: None, waypoints: route.waypoints(&from.directions, &to) }
+    }
+
     /// The best way to `target`: tries every setting on one group of routes after another, then settings between those of the grid.
     /// `at_rest` where `from` is without currents: frames then stand in place before the magnets turn.
     pub(super) fn search(
@@ -123,49 +156,63 @@ impl Planner {
         target: &Directions,
         at_rest: bool,
     ) -> Result<Plan, Unreached> {
-        let way = |tried, route| {
-            if at_rest {
-                return self.way_from_rest(tried, route, target);
-            }
-            let to = Waypoint { directions: *target, frame_angles: tried.setting };
-            Way { begun: None, waypoints: route.waypoints(&from.directions, &to) }
-        };
+        let from_here = (!at_rest).then_some(from);
         let mut halted: Vec<Halt> = Vec::new();
         for routes in &self.groups {
-            let ways =
-                self.settings.iter().flat_map(|tried| routes.iter().map(move |route| way(tried, *route)));
+            let ways = self
+                .settings
+                .iter()
+                .flat_map(|tried| routes.iter().map(move |route| self.way(from_here, tried, *route, target)));
             let followed = self.follow_all(from, ways.collect());
             halted.extend(&followed.halted);
             if let Some(plan) = self.best_with_return(from, followed.arrived) {
                 return Ok(plan);
             }
         }
-        // Between the settings of the grid, about those that came closest.
-        halted.sort_by(|a, b| a.left.total_cmp(&b.left));
-        let beside = halted.iter().take(REFINED).flat_map(|halt| self.beside(&halt.setting));
-        let refined: Vec<Tried> = beside
-            .map(|setting| if at_rest { self.try_at_rest(setting) } else { Tried { setting, rest: None } })
-            .collect();
-        let routes = || self.groups.iter().flatten();
-        let ways = refined.iter().flat_map(|tried| routes().map(move |route| way(tried, *route)));
-        let followed = self.follow_all(from, ways.collect());
-        halted.extend(&followed.halted);
-        let found = self.best_with_return(from, followed.arrived);
-        found.ok_or_else(|| unreached(self.settings.len() + refined.len(), &halted))
+        // Between the settings of the grid, about those that came closest, ever closer.
+        let mut tried: Vec<Setting> = self.settings.iter().map(|tried| tried.setting).collect();
+        let mut step = self.frame_step;
+        for _ in 0..ROUNDS {
+            step *= 0.5;
+            let refined: Vec<Tried> = self
+                .beside(&closest(&mut halted), step, &tried)
+                .into_iter()
+                .map(
+                    |setting| if at_rest { self.try_at_rest(setting) } else { Tried { setting, rest: None } },
+                )
+                .collect();
+            tried.extend(refined.iter().map(|refined| refined.setting));
+            let routes = || self.groups.iter().flatten();
+            let ways = refined
+                .iter()
+                .flat_map(|tried| routes().map(move |route| self.way(from_here, tried, *route, target)));
+            let followed = self.follow_all(from, ways.collect());
+            halted.extend(&followed.halted);
+            if let Some(plan) = self.best_with_return(from, followed.arrived) {
+                return Ok(plan);
+            }
+        }
+        Err(unreached(tried.len(), &halted))
     }
 
-    /// Settings between a setting of the grid and its neighbours, in the plane of the first two frames.
-    fn beside(&self, setting: &Setting) -> Vec<Setting> {
-        let offsets = [-2.0, -1.0, 1.0, 2.0].map(|thirds| thirds * self.frame_step / 3.0);
-        let offsets = offsets.iter().chain(&[0.0]);
-        let both = offsets.clone().flat_map(|first| offsets.clone().map(move |second| (first, second)));
-        let moved = both.filter(|offset| *offset != (&0.0, &0.0)).map(|(first, second)| {
-            let mut moved = *setting;
-            moved[0] += first;
-            moved[1] += if self.ranges.len() > 1 { *second } else { 0.0 };
-            moved
-        });
-        if self.ranges.is_empty() { Vec::new() } else { moved.collect() }
+    /// Neighbours of `settings` at `step`, in the plane of the first two frames, that are not among those `tried`.
+    fn beside(&self, settings: &[Setting], step: f64, tried: &[Setting]) -> Vec<Setting> {
+        let mut beside: Vec<Setting> = Vec::new();
+        let second = if self.ranges.len() > 1 { -1..=1 } else { 0..=0 };
+        let first = if self.ranges.is_empty() { 0..=0 } else { -1..=1 };
+        for setting in settings {
+            for (first, second) in
+                first.clone().flat_map(|first| second.clone().map(move |second| (first, second)))
+            {
+                let mut moved = *setting;
+                moved[0] += step * f64::from(first);
+                moved[1] += step * f64::from(second);
+                if !tried.iter().chain(&beside).any(|other| are_same(other, &moved)) {
+                    beside.push(moved);
+                }
+            }
+        }
+        beside
     }
 
     /// The best of `plans`, best first, from which there is a way to rest.
@@ -217,19 +264,20 @@ impl Planner {
         score_max: f64,
     ) -> Result<Plan, Broken> {
         let Way { begun, waypoints } = way;
-        let setting = waypoints.last().map_or_else(Default::default, |last| last.frame_angles);
-        let halt = |index: usize, share: f64, obstacle: Obstacle| {
-            let left = (waypoints.len() - index) as f64 - share;
-            Broken::Halted(Halt { obstacle, left, setting })
+        let goal = waypoints.last().copied();
+        let goal = goal.unwrap_or(Waypoint { directions: from.directions, frame_angles: Setting::default() });
+        let halt = |walker: &Walker, obstacle: Obstacle| {
+            let left = walker.error_to(&goal.directions);
+            Broken::Halted(Halt { obstacle, left, setting: goal.frame_angles })
         };
         let (start, mut walked) = begun.copied().unwrap_or((*from, Walked::NOWHERE));
         let is_wanted = |walked: &Walked| self.score(walked) <= score_max;
-        walker.resume(&start).map_err(|obstacle| halt(0, 0.0, obstacle))?;
+        walker.resume(&start).map_err(|obstacle| halt(walker, obstacle))?;
         let mut error = f64::INFINITY;
         let mut before = start.directions;
-        for (index, waypoint) in waypoints.iter().enumerate().skip(usize::from(begun.is_some())) {
+        for waypoint in waypoints.iter().skip(usize::from(begun.is_some())) {
             if !self.within_range(waypoint) {
-                return Err(halt(index, 0.0, Obstacle::OutOfReach));
+                return Err(halt(walker, Obstacle::OutOfReach));
             }
             let rest = &self.rest.posture.directions;
             let at_rest = before == *rest && waypoint.directions == *rest;
@@ -240,7 +288,7 @@ impl Planner {
             };
             let leg = walker.walk_while(waypoint, &self.bounds, |leg| is_wanted(&counted(leg)));
             walked = counted(&leg.map_err(|stop| match stop {
-                Stop::Obstacle(obstacle, share) => halt(index, share, obstacle),
+                Stop::Obstacle(obstacle, _) => halt(walker, obstacle),
                 Stop::Dropped => Broken::Dropped,
             })?);
             error = walker.error_to(&waypoint.directions);
