@@ -45,6 +45,7 @@ overrun_window_ms = 10000.0
 realtime = "best-effort"
 priority = 10
 lock_memory = false
+spin_us = 0.0
 status_rate_hz = 100.0
 "#;
 

@@ -154,6 +154,14 @@ fn sigint_while_steering_ramps_down_and_ends_with_130() {
     for key in ["rate_hz", "cycles", "missed", "lateness_us", "execution_us", "pose_to_command_us"] {
         assert!(report["loop"].get(key).is_some(), "{key} in {report}");
     }
+    let latency = |key: &str, quantile: &str| report["loop"][key][quantile].as_f64().expect("a number");
+    // Between two processes, by the driver's own stamp.
+    assert!(latency("pose_to_driver_us", "max") > 0.0, "{report}");
+    assert!(report["loop"]["phases_us"]["control"]["p50"].as_f64().is_some_and(|us| us > 0.0), "{report}");
+    let threads = report["realtime"]["threads"].as_array().expect("an array");
+    let comms = threads.iter().find(|thread| thread["name"] == "magsteer-comms").expect("it runs");
+    assert_eq!(comms["policy"], "SCHED_OTHER", "telemetry never competes with the loop: {report}");
+    assert!(threads.iter().any(|thread| thread["name"] == "magsteer-loop"), "{report}");
     assert!(said.contains("active -> safe-stop: the process was asked to end"), "{said}");
     assert_eq!(world.driver.end().limit_breaks(), 0);
 }

@@ -310,6 +310,17 @@ fn nothing_under_control_reads_a_clock_or_knows_a_channel() {
     assert_eq!(offenders("src/control", &[], forbidden), Vec::<String>::new());
 }
 
+/// Goal: the cycle and all that decides in it run the same under stepped time.
+#[test]
+fn the_cycle_reads_no_clock() {
+    for file in ["control_loop", "supervisor", "watch", "trust", "state", "receipt", "statistics", "lockstep"]
+    {
+        let path = format!("src/daemon/{file}.rs");
+        let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(&path)).unwrap();
+        assert!(!reads_a_clock(&Source::new(&path, &text)), "{path}");
+    }
+}
+
 #[test]
 fn the_model_reads_no_clock_either() {
     for folder in ["src/math", "src/magnetics", "src/rod"] {

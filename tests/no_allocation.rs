@@ -10,7 +10,10 @@ use std::time::Duration;
 
 use counting_allocator::allocations_in;
 use magsteer::control::{CycleInput, CycleOutcome, FrameUse, ReferenceTarget, Step};
-use magsteer::daemon::{ControlLoop, CycleRecord, DaemonConfig, LoopOptions, Request, Tick, Verb};
+use magsteer::daemon::{
+    ControlLoop, CycleRecord, CycleTiming, DaemonConfig, LoopOptions, MinuteStatistics, Request, Statistics,
+    StopWatch, Tick, Verb,
+};
 use magsteer_hal::channels::{DaemonServices, DriverEnd, PrivateRoot};
 use magsteer_hal::operator::state;
 use magsteer_hal::scripted::{EchoHardware, example_description};
@@ -101,6 +104,35 @@ fn cycles_with_faults_and_rearming_allocate_nothing() {
         visited.note(&record);
     }
     assert!(visited.everywhere(), "the seed must lead through every state: {visited:?}");
+}
+
+/// Goal: neither counting nor the turn of a minute nor reading the clock at the end of each phase allocates.
+#[test]
+fn timing_a_cycle_allocates_nothing_not_even_at_the_turn_of_a_minute() {
+    let description = example_description();
+    let config = daemon_config();
+    let controller = Scripted { current: 1.0, converged: true };
+    let hardware = EchoHardware::new(&description);
+    let mut control_loop =
+        ControlLoop::new(hardware, controller, &description, &config, LoopOptions::default());
+    let mut run = Statistics::new(config.rate_hz);
+    let mut minutes = MinuteStatistics::new(config.rate_hz);
+    let mut tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
+    for cycle in 0..200 {
+        // Ten minutes in all.
+        tick = tick.stepped(Duration::from_secs(3));
+        let (_, allocations) = allocations_in(|| {
+            let mut watch = StopWatch::started(Stamp::now());
+            let mut record = control_loop.timed_cycle(tick, &mut watch);
+            record.note_times(watch.finish());
+            let timing: CycleTiming = record.timing();
+            run.record(&timing);
+            minutes.record(tick.now, &timing);
+        });
+        assert_eq!(allocations, 0, "cycle {cycle}");
+    }
+    assert_eq!(run.summary().cycles, 200);
+    assert_eq!(minutes.last().map(|last| last.cycles), Some(20));
 }
 
 fn disturb(random: &mut rand_chacha::ChaCha8Rng, control_loop: &mut ControlLoop<EchoHardware, Scripted>) {

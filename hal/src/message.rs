@@ -158,7 +158,7 @@ pub mod driver_state {
 /// Measured currents and angles and the state of the driver, driver to daemon.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_coil_feedback_v1")]
+#[type_name("magsteer_coil_feedback_v2")]
 pub struct CoilFeedback {
     /// Common header.
     pub header: Header,
@@ -172,6 +172,10 @@ pub struct CoilFeedback {
     pub commands_refused: u64,
     /// Commands that broke a current or slew limit of the description; a correct daemon causes none.
     pub limit_breaks: u64,
+    /// Exposure of the newest poses that an accepted command was computed from, as the command said; 0 before the first.
+    pub answered_pose_stamp_ns: u64,
+    /// When the first accepted command computed from those poses was received, by the driver's clock; 0 before the first.
+    pub answer_received_stamp_ns: u64,
     /// One of [`driver_state`].
     pub state: u32,
     /// 0, or the driver's own fault code.

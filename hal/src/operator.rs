@@ -124,7 +124,7 @@ pub struct OperatorAnswer {
     pub epoch: u64,
 }
 
-/// Quantiles of a time over all cycles of a run.
+/// Quantiles of a time over the cycles counted.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 pub struct Quantiles {
@@ -134,30 +134,56 @@ pub struct Quantiles {
     pub p99_us: f64,
     /// 999 of 1000 values lie below.
     pub p999_us: f64,
+    /// 9999 of 10000 values lie below.
+    pub p9999_us: f64,
     /// The greatest value.
     pub max_us: f64,
 }
 
-/// Timing of the loop since its start, renewed once a second.
+/// Execution time of each phase of a cycle; together they are the execution.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+pub struct PhaseQuantiles {
+    /// From the cycle's begin until messages and requests are taken.
+    pub read: Quantiles,
+    /// The controller's step: model, error, allocation.
+    pub control: Quantiles,
+    /// Supervisor and gate.
+    pub decide: Quantiles,
+    /// Handing the command to the transport.
+    pub write: Quantiles,
+    /// Putting the cycle's record together.
+    pub record: Quantiles,
+}
+
+/// Timing of the loop over all its cycles, or over those of a minute.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 pub struct LoopTiming {
-    /// Cycles counted.
+    /// Cycles counted; 0 when there is nothing to tell yet.
     pub cycles: u64,
+    /// Periods skipped.
+    pub missed: u64,
     /// From the awaited deadline to the cycle's begin.
     pub lateness: Quantiles,
     /// From the cycle's begin to its end.
     pub execution: Quantiles,
+    /// Execution by phase.
+    pub phases: PhaseQuantiles,
     /// From exposure to the cycle that uses the poses.
     pub pose_age: Quantiles,
     /// From the exposure of fresh poses to the command computed from them.
     pub pose_to_command: Quantiles,
+    /// From the exposure of fresh poses to the driver's receipt of the command computed from them, as the driver stamped it.
+    pub pose_to_driver: Quantiles,
+    /// From the publication of those poses to the same receipt: without the sensor's own latency.
+    pub round_trip: Quantiles,
 }
 
 /// A view of the daemon for anyone who looks; never a command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_status_v2")]
+#[type_name("magsteer_status_v3")]
 pub struct StatusMessage {
     /// Common header; `source_stamp_ns` is the cycle's tick.
     pub header: Header,
@@ -179,8 +205,12 @@ pub struct StatusMessage {
     pub lateness_max_us: f64,
     /// Age of the newest poses; negative when there are none.
     pub pose_age_us: f64,
-    /// Timing of all cycles.
+    /// Timing since the start, renewed once a second.
     pub timing: LoopTiming,
+    /// Timing of the last whole minute; no cycles during the first.
+    pub last_minute: LoopTiming,
+    /// Cycles that neither of the two counts because their records were lost on the way to the publisher.
+    pub records_dropped: u64,
     /// Margin of stability of the model's equilibrium: 1 at rest, 0 where the rod snaps through.
     pub stability_margin: f64,
     /// Entries of the direction arrays in use.

@@ -223,6 +223,10 @@ impl FeedbackReceiver {
         if message.state > driver_state::DISABLED {
             return Err(Absent::Implausible { what: "state code", index: 0 });
         }
+        let latest = message.answered_pose_stamp_ns.max(message.answer_received_stamp_ns);
+        if latest > now.after(FUTURE_TOLERANCE).nanoseconds() {
+            return Err(Absent::Implausible { what: "receipt stamp", index: 0 });
+        }
         let (coils, frames) = (self.coil_count as usize, self.pose_parameter_count as usize);
         check_finite("current", &message.measured.current_a[..coils])?;
         check_finite("angle", &message.measured.angle_rad[..frames])?;

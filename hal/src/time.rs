@@ -36,6 +36,13 @@ impl Stamp {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }
 
+    /// This stamp moved back by `duration`, at most to the clock's zero.
+    #[must_use]
+    pub fn before(self, duration: Duration) -> Self {
+        let nanoseconds = u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX);
+        Self(self.0.saturating_sub(nanoseconds))
+    }
+
     /// This stamp moved forward by `duration`, saturating at the clock's end.
     #[must_use]
     pub fn after(self, duration: Duration) -> Self {

@@ -93,11 +93,25 @@ fn summary(report: &RunReport) -> String {
         _ => String::new(),
     };
     let row = |name: &str, latency: &LatencySummary| {
-        let LatencySummary { p50, p99, p999, max } = latency;
-        format!("{name:18} {p50:>10.1} {p99:>10.1} {p999:>10.1} {max:>10.1}\n")
+        let LatencySummary { p50, p99, p999, p9999, max } = latency;
+        format!("{name:18} {p50:>10.1} {p99:>10.1} {p999:>10.1} {p9999:>10.1} {max:>10.1}\n")
     };
+    let phases = &timing.phases_us;
+    let rows = [
+        row("lateness", &timing.lateness_us),
+        row("execution", &timing.execution_us),
+        row("  read", &phases.read),
+        row("  control", &phases.control),
+        row("  decide", &phases.decide),
+        row("  write", &phases.write),
+        row("  record", &phases.record),
+        row("pose age", &timing.pose_age_us),
+        row("pose to command", &timing.pose_to_command_us),
+        row("pose to driver", &timing.pose_to_driver_us),
+        row("round trip", &timing.round_trip_us),
+    ];
     format!(
-        "ended {}{cause}\n{ramp}{} cycles at {} Hz, {} periods missed\n{:18} {:>10} {:>10} {:>10} {:>10}\n{}{}{}{}",
+        "ended {}{cause}\n{ramp}{} cycles at {} Hz, {} periods missed\n{:18} {:>10} {:>10} {:>10} {:>10} {:>10}\n{}",
         report.state,
         timing.cycles,
         timing.rate_hz,
@@ -106,10 +120,8 @@ fn summary(report: &RunReport) -> String {
         "p50",
         "p99",
         "p99.9",
+        "p99.99",
         "max",
-        row("lateness", &timing.lateness_us),
-        row("execution", &timing.execution_us),
-        row("pose age", &timing.pose_age_us),
-        row("pose to command", &timing.pose_to_command_us),
+        rows.concat(),
     )
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use magsteer::daemon::TimingSummary;
 use magsteer::daemon::target::angle_from_z_deg;
 use magsteer_hal::Stamp;
 use magsteer_hal::operator::{StatusMessage, cause, state, verdict};
@@ -40,7 +41,7 @@ pub struct Status {
 }
 
 /// The stable keys are `state`, `cause`, `cycle`, `rate_hz`, `targets_deg`, `measured_deg`, `currents_a`, `angles_deg`,
-/// `pose_age_us`, `missed`, `stability_margin` and `target_verdict`. Angles of tangents are those from global z; absent values are null.
+/// `pose_age_us`, `missed`, `stability_margin`, `target_verdict`, `loop` and `last_minute`. Angles of tangents are those from global z; absent values are null.
 #[derive(Serialize)]
 struct Answer {
     state: &'static str,
@@ -76,6 +77,13 @@ struct Answer {
     stability_low: bool,
     /// "unchecked", "checking", "clear", "out-of-reach" or "refused": what is known of the way to the target set last.
     target_verdict: &'static str,
+    /// Timing since the start.
+    #[serde(rename = "loop")]
+    timing: TimingSummary,
+    /// Timing of the last whole minute; null during the first.
+    last_minute: Option<TimingSummary>,
+    /// Cycles that neither of the two counts.
+    records_dropped: u64,
 }
 
 impl Status {
@@ -132,6 +140,9 @@ impl Answer {
             stability_margin: status.stability_margin,
             stability_low: status.stability_low == 1,
             target_verdict: verdict::name(status.target_verdict),
+            timing: TimingSummary::of_status(status),
+            last_minute: TimingSummary::of_last_minute(status),
+            records_dropped: status.records_dropped,
         }
     }
 

@@ -21,6 +21,8 @@ use magsteer_hal::{
 
 use super::clock::Tick;
 use super::config::DaemonConfig;
+use super::phases::{Phase, PhaseTimes, PhaseWatch, Untimed};
+use super::receipt::{Receipt, Receipts};
 use super::state::{Directive, Request, State};
 use super::statistics::CycleTiming;
 use super::supervisor::{Decision, Supervisor};
@@ -58,8 +60,12 @@ pub struct CycleRecord {
     pub admitted: Actuation,
     /// Target as set last; zero before the first.
     pub target: ReferenceTarget,
+    /// The driver's receipt of poses answered, when its feedback told of one in this cycle.
+    pub receipt: Option<Receipt>,
     /// Execution time; filled in by whoever has a clock.
     pub execution: Duration,
+    /// The same by phase.
+    pub phases: PhaseTimes,
 }
 
 impl CycleRecord {
@@ -79,14 +85,22 @@ impl CycleRecord {
     #[must_use]
     pub fn timing(&self) -> CycleTiming {
         let exposed = self.pose_stamp().filter(|_| self.answers_fresh_poses());
-        let end = self.tick.now.after(self.execution);
+        let sent = self.tick.now.after(self.phases.until_sent());
         CycleTiming {
             lateness: self.tick.lateness,
             execution: self.execution,
+            phases: self.phases,
             missed: self.tick.missed,
             pose_age: self.pose_age(),
-            pose_to_command: exposed.map(|stamp| end.since(stamp)),
+            pose_to_command: exposed.map(|stamp| sent.since(stamp)),
+            receipt: self.receipt,
         }
+    }
+
+    /// Fills in how long the cycle took.
+    pub fn note_times(&mut self, phases: PhaseTimes) {
+        self.execution = phases.total();
+        self.phases = phases;
     }
 
     /// True when a command computed from poses that came in this cycle was sent.
@@ -123,6 +137,7 @@ pub struct ControlLoop<H, S> {
     reference: Directions,
     frozen: Directions,
     previous_now: Option<Stamp>,
+    receipts: Receipts,
     write_failed: bool,
     description_mismatch: bool,
 }
@@ -169,6 +184,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             reference: Directions::default(),
             frozen: Directions::default(),
             previous_now: None,
+            receipts: Receipts::new(),
             write_failed: false,
             description_mismatch: false,
         }
@@ -176,14 +192,23 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
 
     /// Runs one cycle at `tick`.
     pub fn cycle(&mut self, tick: Tick) -> CycleRecord {
+        self.timed_cycle(tick, &mut Untimed)
+    }
+
+    /// The same; `watch` is told when each phase of it ends.
+    pub fn timed_cycle(&mut self, tick: Tick, watch: &mut impl PhaseWatch) -> CycleRecord {
         let sensed = self.hardware.read(tick.now);
         let input = self.input(&tick, &sensed);
+        watch.ended(Phase::Read);
         let outcome = self.controller.step(&input);
+        watch.ended(Phase::Control);
         let seen = self.observe(&tick, &sensed, &outcome);
         let decision = self.supervisor.step(&seen, self.request.take());
         self.follow_wishes(&decision, &outcome);
         let (command, limited) = self.admit(&decision, &input, &outcome);
+        watch.ended(Phase::Decide);
         self.write_failed = command.is_some_and(|command| self.hardware.write(&command, tick.now).is_err());
+        watch.ended(Phase::Write);
         self.record(tick, input, outcome, decision, &sensed, command, limited)
     }
 
@@ -323,7 +348,9 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             Directive::Hold => *self.gate.previous(),
             Directive::Follow => outcome.request,
         };
-        let pose_stamp = input.pose.map_or(Stamp::default(), |pose| pose.header.source_stamp());
+        // Nothing but following is computed from the poses.
+        let followed = input.pose.filter(|_| decision.directive == Directive::Follow);
+        let pose_stamp = followed.map_or(Stamp::default(), |pose| pose.header.source_stamp());
         match self.gate.drive(&request, input.period, authority, pose_stamp) {
             Ok(admitted) => (Some(admitted.command), admitted.limited),
             // The supervisor trips on a request that is not finite; should one get here, it goes to zero.
@@ -333,7 +360,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
 
     #[expect(clippy::too_many_arguments, reason = "one for each step of the cycle")]
     fn record(
-        &self,
+        &mut self,
         tick: Tick,
         input: CycleInput,
         outcome: CycleOutcome,
@@ -342,7 +369,9 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         command: Option<AdmittedCommand>,
         limited: Limited,
     ) -> CycleRecord {
-        CycleRecord {
+        let feedback = sensed.feedback.last.filter(|_| sensed.feedback.fresh);
+        let receipt = feedback.and_then(|feedback| self.receipts.take(&feedback));
+        let record = CycleRecord {
             tick,
             input,
             outcome,
@@ -354,8 +383,14 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             limited,
             admitted: *self.gate.previous(),
             target: self.target.unwrap_or_default(),
+            receipt,
             execution: Duration::ZERO,
+            phases: PhaseTimes::default(),
+        };
+        if let Some(pose) = record.input.pose.filter(|_| record.answers_fresh_poses()) {
+            self.receipts.note_answer(&pose.header);
         }
+        record
     }
 }
 

@@ -16,8 +16,14 @@ use magsteer_hal::Stamp;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde::{Deserialize, Serialize};
 
+use super::threads::ThreadView;
+
 /// Stack touched in advance, so that no cycle meets a page fault there.
 const STACK_PREFAULT: usize = 256 * 1_024;
+/// Heap of the loop's thread touched in advance: the transport takes memory once a message, a few hundred bytes.
+const HEAP_PREFAULT: usize = 1 << 20;
+/// A page, at least.
+const PAGE: usize = 4_096;
 
 /// Sleeps until `deadline` on `CLOCK_MONOTONIC`; returns at once when it is over.
 pub fn sleep_until(deadline: Stamp) {
@@ -63,6 +69,8 @@ pub struct RealtimeItem {
 pub struct RealtimeReport {
     /// Every property that was asked for.
     pub items: Vec<RealtimeItem>,
+    /// Every thread of the process as the kernel had it once all ran.
+    pub threads: Vec<ThreadView>,
 }
 
 impl RealtimeReport {
@@ -92,12 +100,15 @@ impl fmt::Display for RealtimeReport {
 pub fn request_realtime(request: &RealtimeRequest) -> RealtimeReport {
     let mut items = vec![request_fifo(request.priority)];
     items.extend(request.cpu.map(request_cpu));
+    items.extend(request_kept_heap());
+    prefault_stack();
+    prefault_heap();
+    // Last of what concerns memory, so that it locks the pages that were touched.
     if request.lock_memory {
         items.push(request_memory_lock());
     }
     items.push(request_timer_slack());
-    prefault_stack();
-    RealtimeReport { items }
+    RealtimeReport { items, threads: Vec::new() }
 }
 
 /// Asks for the loop's policy for the calling thread, which helps the loop's, and reads back what holds. Its CPU is left
@@ -107,6 +118,119 @@ pub fn request_helper_realtime(priority: u32) -> RealtimeItem {
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
     prefault_stack();
     RealtimeItem { name: "helpers".to_owned(), ..request_fifo(priority) }
+}
+
+/// Asks for ordinary scheduling for the calling thread, off the loop's CPU where there is another one, and reads back what
+/// holds: a process started under a real-time policy hands it down to all of its threads.
+#[must_use]
+pub fn request_ordinary(loop_cpu: Option<u32>) -> Vec<RealtimeItem> {
+    let parameters = libc::sched_param { sched_priority: 0 };
+    // SAFETY: 0 names the calling thread, and the pointer is to a live, initialised structure.
+    let set = outcome(unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER, &raw const parameters) });
+    let (policy, _) = scheduling();
+    let granted = policy == libc::SCHED_OTHER;
+    let got = if granted { "ordinary scheduling".to_owned() } else { format!("policy {policy}") };
+    let mend = "start the program under an ordinary policy: `chrt --other 0 magsteer run ...`";
+    let mut items = vec![item("scheduling", "ordinary scheduling".to_owned(), got, granted, set.err(), mend)];
+    items.extend(loop_cpu.and_then(|cpu| leave_cpu(cpu as usize)));
+    items
+}
+
+/// Takes the calling thread off a CPU; `None` when it does not run there, or has no other.
+fn leave_cpu(cpu: usize) -> Option<RealtimeItem> {
+    let mut wanted = sched_getaffinity(None).ok()?;
+    if cpu >= CpuSet::MAX_CPU || !wanted.is_set(cpu) || wanted.count() < 2 {
+        return None;
+    }
+    wanted.unset(cpu);
+    let set = sched_setaffinity(None, &wanted).map_err(io::Error::from);
+    let held = sched_getaffinity(None).unwrap_or_default();
+    let (wanted, got) = (format!("CPU {}", cpu_list(&wanted)), format!("CPU {}", cpu_list(&held)));
+    let granted = wanted == got;
+    Some(item("affinity", wanted, got, granted, set.err(), "see `taskset` and cgroups"))
+}
+
+fn cpu_list(set: &CpuSet) -> String {
+    let cpus = (0..CpuSet::MAX_CPU).filter(|&cpu| set.is_set(cpu)).map(|cpu| cpu.to_string());
+    cpus.collect::<Vec<_>>().join(",")
+}
+
+/// What a thread met so far that costs it time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct ThreadUsage {
+    /// Pages that were not mapped yet.
+    pub page_faults_minor: u64,
+    /// Pages that had to be read from a disk.
+    pub page_faults_major: u64,
+    /// Times that the thread was taken off its CPU without wishing to wait.
+    pub preemptions: u64,
+}
+
+impl ThreadUsage {
+    /// What was met after `earlier`.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        Self {
+            page_faults_minor: self.page_faults_minor.saturating_sub(earlier.page_faults_minor),
+            page_faults_major: self.page_faults_major.saturating_sub(earlier.page_faults_major),
+            preemptions: self.preemptions.saturating_sub(earlier.preemptions),
+        }
+    }
+}
+
+/// The calling thread's counts, as the kernel keeps them.
+#[must_use]
+pub fn thread_usage() -> ThreadUsage {
+    // SAFETY: an all-zero `rusage` is a valid value, and the pointer is to that live structure, which the call fills.
+    let usage = unsafe {
+        let mut usage: libc::rusage = std::mem::zeroed();
+        libc::getrusage(libc::RUSAGE_THREAD, &raw mut usage);
+        usage
+    };
+    let count = |value: libc::c_long| u64::try_from(value).unwrap_or(0);
+    ThreadUsage {
+        page_faults_minor: count(usage.ru_minflt),
+        page_faults_major: count(usage.ru_majflt),
+        preemptions: count(usage.ru_nivcsw),
+    }
+}
+
+/// Keeps freed memory with the process and large blocks on the heap, so that pages once touched stay: giving memory back
+/// and taking it anew would meet page faults, and changes of the memory map that hold up every thread's.
+#[cfg(target_env = "gnu")]
+fn request_kept_heap() -> Option<RealtimeItem> {
+    // SAFETY: both parameters take any number; the allocator locks itself while it changes them.
+    let kept =
+        unsafe { libc::mallopt(libc::M_TRIM_THRESHOLD, -1) == 1 && libc::mallopt(libc::M_MMAP_MAX, 0) == 1 };
+    let got = if kept { "kept" } else { "given back when freed" };
+    Some(item(
+        "heap",
+        "kept".to_owned(),
+        got.to_owned(),
+        kept,
+        None,
+        "unset GLIBC_TUNABLES and MALLOC_* variables",
+    ))
+}
+
+/// Other C libraries offer no such setting; the loop takes memory once a message, of a size that no allocator gives back.
+#[cfg(not(target_env = "gnu"))]
+fn request_kept_heap() -> Option<RealtimeItem> {
+    None
+}
+
+/// Touches pages of the calling thread's heap, which then keeps them.
+#[inline(never)]
+fn prefault_heap() {
+    let mut pages = vec![0_u8; HEAP_PREFAULT];
+    touch(&mut pages);
+}
+
+fn touch(pages: &mut [u8]) {
+    for page in pages.chunks_mut(PAGE) {
+        page[0] = 1;
+    }
+    std::hint::black_box(pages);
 }
 
 fn request_fifo(priority: u32) -> RealtimeItem {
@@ -145,11 +269,9 @@ fn request_cpu(cpu: u32) -> RealtimeItem {
         Err(io::Error::from(io::ErrorKind::InvalidInput))
     };
     let held = sched_getaffinity(None).unwrap_or_default();
-    let cpus: Vec<String> =
-        (0..CpuSet::MAX_CPU).filter(|&cpu| held.is_set(cpu)).map(|cpu| cpu.to_string()).collect();
     let granted = held.count() == 1 && index < CpuSet::MAX_CPU && held.is_set(index);
     let mend = "name a CPU that this process may use, see `nproc` and cgroups";
-    item("affinity", format!("CPU {cpu}"), format!("CPU {}", cpus.join(",")), granted, set.err(), mend)
+    item("affinity", format!("CPU {cpu}"), format!("CPU {}", cpu_list(&held)), granted, set.err(), mend)
 }
 
 /// Locks all pages present. Later ones are left out: where the limit on locked memory is finite, locking them
@@ -207,10 +329,7 @@ fn outcome(returned: i32) -> io::Result<()> {
 #[inline(never)]
 fn prefault_stack() {
     let mut pages = [0_u8; STACK_PREFAULT];
-    for page in pages.chunks_mut(4_096) {
-        page[0] = 1;
-    }
-    std::hint::black_box(&mut pages);
+    touch(&mut pages);
 }
 
 /// SIGINT, SIGTERM and SIGHUP, taken one by one by the thread that waits for them.

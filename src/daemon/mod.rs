@@ -12,7 +12,10 @@
 //! | `trust` | whether driver and sensor can be believed, though what they say is fresh and well formed |
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
-//! | `statistics` | lossless histograms of timing |
+//! | `phases` | where in a cycle its time goes |
+//! | `receipt` | how long it takes from poses to the driver, as the driver stamped it |
+//! | `threads` | the scheduling of every thread of a process, read back |
+//! | `statistics`, `timing_summary` | lossless histograms of timing over the run and each minute; their quantiles |
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
 //! | `target` | targets and tangents as people write and read them |
@@ -29,6 +32,8 @@ mod control_loop;
 mod control_loop_tests;
 pub mod kernel;
 pub mod lockstep;
+mod phases;
+mod receipt;
 mod run;
 mod run_digest;
 mod runner;
@@ -41,18 +46,23 @@ mod supervisor_tests;
 pub mod target;
 mod target_rules;
 mod telemetry;
+pub mod threads;
+mod timing_summary;
 mod trust;
 mod view;
 mod watch;
 
-pub use clock::{Clock, Schedule, Tick};
+pub use clock::{Clock, Pace, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
 pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
+pub use phases::{Phase, PhaseTimes, PhaseWatch, StopWatch, Untimed};
+pub use receipt::Receipt;
 pub use run::{RunError, RunPlan, RunReport, run};
 pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
-pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};
+pub use statistics::{CycleTiming, MinuteStatistics, Statistics};
 pub use supervisor::{Decision, Supervisor};
+pub use timing_summary::{LatencySummary, PhaseSummary, TimingSummary};
 pub use trust::Astray;
 pub use watch::{DriverView, Observation, Response, response};

@@ -11,6 +11,7 @@
 //! ends with an error. When the telemetry thread panics the loop ramps down and the process ends with an error.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
+use std::path::Path;
 use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -24,15 +25,20 @@ use serde::{Deserialize, Serialize};
 use super::config::{DaemonConfig, RealtimePolicy};
 use super::control_loop::{ControlLoop, LoopOptions};
 use super::kernel::{
-    RealtimeItem, RealtimeReport, RealtimeRequest, request_helper_realtime, request_realtime,
+    RealtimeItem, RealtimeReport, RealtimeRequest, ThreadUsage, request_helper_realtime, request_ordinary,
+    request_realtime,
 };
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
-use super::statistics::TimingSummary;
+use super::statistics::Statistics;
 use super::telemetry::{Telemetry, TelemetryRings, log};
+use super::threads::threads_of;
+use super::timing_summary::TimingSummary;
 use crate::control::Step;
 
 /// How often the caller's thread looks after the others.
 const WATCH: Duration = Duration::from_millis(10);
+/// Looks from the loop's begin until every thread has asked the kernel for what it needs: 200 ms.
+const LOOKS_UNTIL_SETTLED: u32 = 20;
 /// How long one attempt to find the driver takes, so that a signal is noticed between two.
 const DRIVER_ATTEMPT: Duration = Duration::from_millis(250);
 /// Records kept while the telemetry thread is away: half a second, at least and at most this many.
@@ -97,8 +103,10 @@ pub struct RunReport {
     /// Timing of all cycles.
     #[serde(rename = "loop")]
     pub timing: TimingSummary,
-    /// What the kernel granted to the loop's thread.
+    /// What the kernel granted.
     pub realtime: RealtimeReport,
+    /// What the loop's thread met while it cycled.
+    pub loop_thread: ThreadUsage,
     /// Cycle records that the telemetry thread missed.
     pub records_dropped: u64,
     /// Commands that the driver refused since its start.
@@ -124,6 +132,7 @@ impl RunReport {
             ramp_down_to_a: end.ramp_down.map(|ramp| ramp.current_end),
             timing: end.timing,
             realtime,
+            loop_thread: end.usage,
             records_dropped,
             commands_refused: end.commands_refused,
             limit_breaks: end.limit_breaks,
@@ -156,8 +165,10 @@ pub fn run<S: Step + Send>(
                     .map_err(|error| RunError::Thread(std::io::Error::other(error)))?;
                 let pool = workers.as_deref();
                 let run = || -> Result<LoopEnd, RunError> {
+                    // Before memory is locked, so that it is locked too.
+                    let statistics = Statistics::new(plan.config.rate_hz);
                     let control_loop = prepare_loop(plan, services, controller, pool, &realtime)?;
-                    Ok(run_loop(control_loop, plan.config.period(), loop_rings, &counters, stop))
+                    Ok(run_loop(control_loop, plan.config.pace(), statistics, loop_rings, &counters, stop))
                 };
                 // Entered once: the loop becomes one of the pool's threads, and a cycle hands work to the others at little cost.
                 match pool {
@@ -167,13 +178,21 @@ pub fn run<S: Step + Send>(
             })?;
         let telemetry_thread =
             std::thread::Builder::new().name("magsteer-comms".to_owned()).spawn_scoped(scope, || {
+                tell_refused(&request_ordinary(plan.config.cpu));
                 let server = operators.into_server()?;
                 Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm)
                     .serve(&counters);
                 Ok(())
             });
         let telemetry_thread = telemetry_thread.inspect_err(|_| stop.request(THREAD_DIED))?;
+        let mut threads = Vec::new();
+        let mut looks = 0;
         while !loop_thread.is_finished() {
+            looks += u32::from(realtime.get().is_some());
+            if looks == LOOKS_UNTIL_SETTLED {
+                threads = threads_of(Path::new("/proc/self"));
+                threads.iter().for_each(|thread| log(format_args!("thread {thread}")));
+            }
             if telemetry_thread.is_finished() {
                 stop.request(THREAD_DIED);
             }
@@ -184,7 +203,8 @@ pub fn run<S: Step + Send>(
             telemetry_thread.join().map_err(|_| RunError::TelemetryPanicked)?;
         told?;
         let dropped = counters.records_dropped.load(Ordering::Relaxed);
-        Ok(RunReport::new(&end?, realtime.get().cloned().unwrap_or_default(), dropped))
+        let granted = realtime.get().cloned().unwrap_or_default();
+        Ok(RunReport::new(&end?, RealtimeReport { threads, ..granted }, dropped))
     })
 }
 
@@ -249,6 +269,17 @@ fn realtime_of(workers: &ThreadPool, priority: u32) -> Option<RealtimeItem> {
     let first = answers.next()?;
     // The worst answer speaks for all.
     Some(answers.fold(first, |worst, answer| if worst.granted { answer } else { worst }))
+}
+
+/// Says which of a thread's wishes the kernel refused; the loop does not depend on them.
+fn tell_refused(items: &[RealtimeItem]) {
+    for item in items.iter().filter(|item| !item.granted) {
+        let why_not = item.why_not.as_deref().unwrap_or_default();
+        log(format_args!(
+            "telemetry thread: {}: {} (wanted {}: {why_not})",
+            item.name, item.got, item.wanted
+        ));
+    }
 }
 
 fn rings(config: &DaemonConfig) -> (LoopRings, TelemetryRings) {

@@ -10,10 +10,13 @@ use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::{Hardware, Stamp};
 use rtrb::{Consumer, Producer};
 
-use super::clock::Clock;
+use super::clock::{Clock, Pace};
 use super::control_loop::{ControlLoop, CycleRecord};
+use super::kernel::{self, ThreadUsage};
+use super::phases::StopWatch;
 use super::state::{Answer, Request, Verb};
-use super::statistics::{Statistics, TimingSummary};
+use super::statistics::Statistics;
+use super::timing_summary::TimingSummary;
 use crate::control::Step;
 
 /// Asks a running daemon to ramp down and end; may be set from any thread.
@@ -79,6 +82,8 @@ pub struct RampDown {
 pub struct LoopEnd {
     /// Timing of all cycles.
     pub timing: TimingSummary,
+    /// What the loop's thread met while it cycled.
+    pub usage: ThreadUsage,
     /// Last ramp to zero, if there was one.
     pub ramp_down: Option<RampDown>,
     /// State code at the end.
@@ -117,18 +122,20 @@ fn largest_current(record: &CycleRecord) -> f64 {
     record.input.measured.current_a.iter().fold(0.0, |largest: f64, current| largest.max(current.abs()))
 }
 
-/// Runs cycles until `stop` was asked for and the outputs are at rest.
+/// Runs cycles until `stop` was asked for and the outputs are at rest. `statistics` comes empty, made before memory was
+/// locked.
 pub fn run_loop<H: Hardware, S: Step>(
     mut control_loop: ControlLoop<H, S>,
-    period: Duration,
+    pace: Pace,
+    mut statistics: Statistics,
     mut rings: LoopRings,
     counters: &LoopCounters,
     stop: &StopFlag,
 ) -> LoopEnd {
-    let mut statistics = Statistics::new(1.0 / period.as_secs_f64());
     let mut ramps = RampWatch::default();
     let mut asked_to_end = false;
-    let mut clock = Clock::start(period);
+    let usage_before = kernel::thread_usage();
+    let mut clock = Clock::start(pace);
     loop {
         let tick = clock.wait();
         if !asked_to_end && stop.requested().is_some() {
@@ -137,14 +144,16 @@ pub fn run_loop<H: Hardware, S: Step>(
             // The loop takes one request a cycle, and this is the only one who leaves any.
             let _ = control_loop.request(request);
         }
-        let mut record = control_loop.cycle(tick);
-        record.execution = Stamp::now().since(tick.now);
+        let mut watch = StopWatch::started(tick.now);
+        let mut record = control_loop.timed_cycle(tick, &mut watch);
+        record.note_times(watch.finish());
         statistics.record(&record.timing());
         ramps.take(&record);
         hand_on(&mut rings, &record, counters);
         if control_loop.has_ended(tick.now) {
             let feedback = record.feedback.unwrap_or_default();
             return LoopEnd {
+                usage: kernel::thread_usage().since(&usage_before),
                 timing: statistics.summary(),
                 ramp_down: ramps.last,
                 state: record.decision.state,

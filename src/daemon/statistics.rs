@@ -1,94 +1,28 @@
 //! Timing of every cycle, without loss: histograms with their maximum, never means.
 //!
 //! Terms: *lateness* from the awaited deadline to the cycle's begin; *execution* from the cycle's
-//! begin to its end; *pose age* from exposure to the cycle that uses the poses; *pose to command*
-//! from the exposure of fresh poses to the moment at which the command computed from them was sent.
+//! begin to its end, by [phases](super::phases); *pose age* from exposure to the cycle that uses the poses; *pose to
+//! command* from the exposure of fresh poses to the moment at which the command computed from them was sent; *pose to
+//! driver* from that exposure, and *round trip* from the publication of the poses, to the [receipt](super::receipt) of that
+//! command by the driver.
 //! Method: HDR histograms of nanoseconds with fixed bounds and three significant digits, allocated
 //! at construction; a value beyond the upper bound counts there, so that nothing is dropped.
 
 use std::time::Duration;
 
 use hdrhistogram::Histogram;
-use magsteer_hal::operator::{LoopTiming, Quantiles, StatusMessage};
-use serde::{Deserialize, Serialize};
+use magsteer_hal::Stamp;
+
+use super::phases::PhaseTimes;
+use super::receipt::Receipt;
+use super::timing_summary::{LatencySummary, PhaseSummary, TimingSummary};
 
 /// Longest time that is told apart, 60 s in ns.
 const LONGEST_NS: u64 = 60_000_000_000;
 /// Significant digits of a recorded time.
 const DIGITS: u8 = 3;
-
-/// Quantiles of a histogram, microseconds; all zero when nothing was recorded.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct LatencySummary {
-    /// Half of all values lie below.
-    pub p50: f64,
-    /// 99 of 100 values lie below.
-    pub p99: f64,
-    /// 999 of 1000 values lie below.
-    pub p999: f64,
-    /// The greatest value.
-    pub max: f64,
-}
-
-/// What a run's timing came to, under the keys that other programs read.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct TimingSummary {
-    /// Configured rate.
-    pub rate_hz: f64,
-    /// Cycles run.
-    pub cycles: u64,
-    /// Periods skipped.
-    pub missed: u64,
-    /// Lateness of each cycle.
-    pub lateness_us: LatencySummary,
-    /// Execution time of each cycle.
-    pub execution_us: LatencySummary,
-    /// Age of the newest poses in each cycle that had any.
-    pub pose_age_us: LatencySummary,
-    /// From exposure to command, for each command computed from fresh poses.
-    pub pose_to_command_us: LatencySummary,
-}
-
-impl From<LatencySummary> for Quantiles {
-    fn from(LatencySummary { p50, p99, p999, max }: LatencySummary) -> Self {
-        Self { p50_us: p50, p99_us: p99, p999_us: p999, max_us: max }
-    }
-}
-
-impl From<Quantiles> for LatencySummary {
-    fn from(Quantiles { p50_us, p99_us, p999_us, max_us }: Quantiles) -> Self {
-        Self { p50: p50_us, p99: p99_us, p999: p999_us, max: max_us }
-    }
-}
-
-impl From<TimingSummary> for LoopTiming {
-    fn from(summary: TimingSummary) -> Self {
-        Self {
-            cycles: summary.cycles,
-            lateness: summary.lateness_us.into(),
-            execution: summary.execution_us.into(),
-            pose_age: summary.pose_age_us.into(),
-            pose_to_command: summary.pose_to_command_us.into(),
-        }
-    }
-}
-
-impl TimingSummary {
-    /// The timing that a status message carries.
-    #[must_use]
-    pub fn of_status(status: &StatusMessage) -> Self {
-        let timing = &status.timing;
-        Self {
-            rate_hz: status.rate_hz,
-            cycles: timing.cycles,
-            missed: status.missed,
-            lateness_us: timing.lateness.into(),
-            execution_us: timing.execution.into(),
-            pose_age_us: timing.pose_age.into(),
-            pose_to_command_us: timing.pose_to_command.into(),
-        }
-    }
-}
+/// Over how long a [`MinuteStatistics`] gathers.
+const MINUTE: Duration = Duration::from_secs(60);
 
 /// The times of one cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -97,15 +31,19 @@ pub struct CycleTiming {
     pub lateness: Duration,
     /// See the module's terms.
     pub execution: Duration,
+    /// The execution by phase.
+    pub phases: PhaseTimes,
     /// Periods skipped before the cycle.
     pub missed: u64,
     /// `None` before the first poses.
     pub pose_age: Option<Duration>,
     /// `None` when the command was not computed from fresh poses.
     pub pose_to_command: Option<Duration>,
+    /// `None` when the driver told of no receipt in this cycle.
+    pub receipt: Option<Receipt>,
 }
 
-/// Histograms of a run.
+/// Histograms of many cycles.
 #[derive(Debug)]
 pub struct Statistics {
     rate_hz: f64,
@@ -113,23 +51,68 @@ pub struct Statistics {
     missed: u64,
     lateness: Histogram<u64>,
     execution: Histogram<u64>,
+    phases: PhaseHistograms,
     pose_age: Histogram<u64>,
     pose_to_command: Histogram<u64>,
+    pose_to_driver: Histogram<u64>,
+    round_trip: Histogram<u64>,
+}
+
+#[derive(Debug)]
+struct PhaseHistograms {
+    read: Histogram<u64>,
+    control: Histogram<u64>,
+    decide: Histogram<u64>,
+    write: Histogram<u64>,
+    record: Histogram<u64>,
 }
 
 impl Statistics {
-    /// Empty histograms for a loop of this rate.
+    /// Empty histograms for a loop of this rate, their memory present: recording meets no page fault.
     #[must_use]
     pub fn new(rate_hz: f64) -> Self {
-        Self {
+        let mut statistics = Self {
             rate_hz,
             cycles: 0,
             missed: 0,
             lateness: histogram(),
             execution: histogram(),
+            phases: PhaseHistograms {
+                read: histogram(),
+                control: histogram(),
+                decide: histogram(),
+                write: histogram(),
+                record: histogram(),
+            },
             pose_age: histogram(),
             pose_to_command: histogram(),
-        }
+            pose_to_driver: histogram(),
+            round_trip: histogram(),
+        };
+        // Writes every counter; fresh memory is not there before it is written.
+        statistics.clear();
+        statistics
+    }
+
+    /// Forgets everything. Allocates nothing; takes some hundred microseconds.
+    pub fn clear(&mut self) {
+        self.cycles = 0;
+        self.missed = 0;
+        let PhaseHistograms { read, control, decide, write, record } = &mut self.phases;
+        let all = [
+            &mut self.lateness,
+            &mut self.execution,
+            read,
+            control,
+            decide,
+            write,
+            record,
+            &mut self.pose_age,
+            &mut self.pose_to_command,
+            &mut self.pose_to_driver,
+            &mut self.round_trip,
+        ];
+        all.into_iter().for_each(Histogram::reset);
     }
 
     /// Counts one cycle. Allocates nothing.
@@ -138,15 +121,24 @@ impl Statistics {
         self.missed += timing.missed;
         record(&mut self.lateness, timing.lateness);
         record(&mut self.execution, timing.execution);
+        record(&mut self.phases.read, timing.phases.read);
+        record(&mut self.phases.control, timing.phases.control);
+        record(&mut self.phases.decide, timing.phases.decide);
+        record(&mut self.phases.write, timing.phases.write);
+        record(&mut self.phases.record, timing.phases.record);
         if let Some(age) = timing.pose_age {
             record(&mut self.pose_age, age);
         }
         if let Some(latency) = timing.pose_to_command {
             record(&mut self.pose_to_command, latency);
         }
+        if let Some(receipt) = &timing.receipt {
+            record(&mut self.pose_to_driver, receipt.pose_to_driver);
+            record(&mut self.round_trip, receipt.round_trip);
+        }
     }
 
-    /// Quantiles and maxima so far.
+    /// Quantiles and maxima so far. Reads hundreds of thousands of counters: not for the loop.
     #[must_use]
     pub fn summary(&self) -> TimingSummary {
         TimingSummary {
@@ -155,9 +147,53 @@ impl Statistics {
             missed: self.missed,
             lateness_us: summary(&self.lateness),
             execution_us: summary(&self.execution),
+            phases_us: PhaseSummary {
+                read: summary(&self.phases.read),
+                control: summary(&self.phases.control),
+                decide: summary(&self.phases.decide),
+                write: summary(&self.phases.write),
+                record: summary(&self.phases.record),
+            },
             pose_age_us: summary(&self.pose_age),
             pose_to_command_us: summary(&self.pose_to_command),
+            pose_to_driver_us: summary(&self.pose_to_driver),
+            round_trip_us: summary(&self.round_trip),
         }
+    }
+}
+
+/// The same minute by minute: what the last whole one came to. Minutes are counted from the first cycle on.
+#[derive(Debug)]
+pub struct MinuteStatistics {
+    current: Statistics,
+    end: Option<Stamp>,
+    last: Option<TimingSummary>,
+}
+
+impl MinuteStatistics {
+    /// Before the first minute of a loop of this rate.
+    #[must_use]
+    pub fn new(rate_hz: f64) -> Self {
+        Self { current: Statistics::new(rate_hz), end: None, last: None }
+    }
+
+    /// Counts one cycle that began at `now`. Allocates nothing; the first of a minute also sums up the one before.
+    pub fn record(&mut self, now: Stamp, timing: &CycleTiming) {
+        let end = *self.end.get_or_insert(now.after(MINUTE));
+        if now >= end {
+            self.last = Some(self.current.summary());
+            self.current.clear();
+            // Whole minutes, also when none of their cycles ran.
+            let minutes = now.since(end).as_secs() / MINUTE.as_secs() + 1;
+            self.end = Some(end.after(Duration::from_secs(minutes * MINUTE.as_secs())));
+        }
+        self.current.record(timing);
+    }
+
+    /// What the last whole minute in which cycles ran came to.
+    #[must_use]
+    pub fn last(&self) -> Option<&TimingSummary> {
+        self.last.as_ref()
     }
 }
 
@@ -171,10 +207,12 @@ fn record(histogram: &mut Histogram<u64>, duration: Duration) {
 
 fn summary(histogram: &Histogram<u64>) -> LatencySummary {
     let microseconds = |nanoseconds: u64| nanoseconds as f64 * 1e-3;
+    let quantile = |share: f64| microseconds(histogram.value_at_quantile(share));
     LatencySummary {
-        p50: microseconds(histogram.value_at_quantile(0.5)),
-        p99: microseconds(histogram.value_at_quantile(0.99)),
-        p999: microseconds(histogram.value_at_quantile(0.999)),
+        p50: quantile(0.5),
+        p99: quantile(0.99),
+        p999: quantile(0.999),
+        p9999: quantile(0.9999),
         max: microseconds(histogram.max()),
     }
 }
@@ -183,7 +221,9 @@ fn summary(histogram: &Histogram<u64>) -> LatencySummary {
 mod tests {
     use std::time::Duration;
 
-    use super::{CycleTiming, LatencySummary, Statistics};
+    use magsteer_hal::Stamp;
+
+    use super::{CycleTiming, LatencySummary, MinuteStatistics, PhaseTimes, Receipt, Statistics};
 
     fn cycle(lateness_us: u64) -> CycleTiming {
         CycleTiming { lateness: Duration::from_micros(lateness_us), ..CycleTiming::default() }
@@ -228,14 +268,59 @@ mod tests {
         assert_eq!(statistics.summary().pose_age_us, LatencySummary::default());
     }
 
+    fn at(seconds: f64) -> Stamp {
+        Stamp::from_nanoseconds(((1_000.0 + seconds) * 1e9) as u64)
+    }
+
     #[test]
-    fn the_summary_has_the_published_keys() {
-        let value = serde_json::to_value(Statistics::new(1_000.0).summary()).expect("plain data");
-        for key in ["rate_hz", "cycles", "missed", "lateness_us", "execution_us", "pose_to_command_us"] {
-            assert!(value.get(key).is_some(), "{key}");
+    fn each_minute_is_summed_up_by_itself_and_its_maximum_forgotten_after() {
+        let mut minutes = MinuteStatistics::new(10.0);
+        for tick in 0..1_800_u32 {
+            assert_eq!(minutes.last().is_some(), tick > 600, "at {tick}");
+            let stall = if tick == 300 { 5_000 } else { 10 };
+            minutes.record(at(f64::from(tick) * 0.1), &cycle(stall));
+            let expected = if tick < 1_200 { 5_000.0 } else { 10.0 };
+            if let Some(last) = minutes.last() {
+                assert_eq!(last.cycles, 600, "at {tick}");
+                assert!(is_near(last.lateness_us.max, expected), "at {tick}: {last:?}");
+            }
         }
-        for key in ["p50", "p99", "p999", "max"] {
-            assert!(value["lateness_us"].get(key).is_some(), "{key}");
+    }
+
+    #[test]
+    fn a_stall_of_minutes_ends_the_minute_that_it_began_in_and_belongs_to_the_one_that_it_ends_in() {
+        let mut minutes = MinuteStatistics::new(10.0);
+        minutes.record(at(0.0), &cycle(1));
+        minutes.record(at(59.9), &cycle(1));
+        minutes.record(at(200.0), &CycleTiming { missed: 1_400, ..cycle(140_000_000) });
+        let first = minutes.last().expect("it is over");
+        assert_eq!((first.cycles, first.missed), (2, 0));
+        minutes.record(at(239.9), &cycle(1));
+        assert_eq!(minutes.last().map(|last| last.cycles), Some(2), "the fourth minute is not over");
+        minutes.record(at(240.0), &cycle(1));
+        assert_eq!(minutes.last().map(|last| (last.cycles, last.missed)), Some((2, 1_400)));
+    }
+
+    #[test]
+    fn phases_and_receipts_are_counted_apart() {
+        let mut statistics = Statistics::new(1_000.0);
+        let us = Duration::from_micros;
+        let phases = PhaseTimes { read: us(1), control: us(20), decide: us(3), write: us(4), record: us(5) };
+        let receipt = Receipt { pose_to_driver: us(6_000), round_trip: us(900) };
+        statistics.record(&CycleTiming { phases, execution: phases.total(), ..cycle(7) });
+        statistics.record(&CycleTiming { phases, receipt: Some(receipt), ..cycle(7) });
+        let summary = statistics.summary();
+        let found = summary.phases_us;
+        let latencies = [found.read, found.control, found.decide, found.write, found.record];
+        for (latency, expected) in latencies.into_iter().zip([1.0, 20.0, 3.0, 4.0, 5.0]) {
+            assert!(is_near(latency.p50, expected) && is_near(latency.max, expected), "{latency:?}");
         }
+        assert!(is_near(summary.execution_us.max, 33.0));
+        assert!(is_near(summary.pose_to_driver_us.p50, 6_000.0) && is_near(summary.round_trip_us.p50, 900.0));
+    }
+
+    /// To the histogram's three digits.
+    fn is_near(found: f64, expected: f64) -> bool {
+        (found / expected - 1.0).abs() < 2e-3
     }
 }

@@ -110,7 +110,7 @@ impl Telemetry {
             self.take_requests(now);
             self.try_to_arm(now);
             if ended || now >= self.next_status {
-                self.publish(now);
+                self.publish(now, counters.records_dropped.load(Ordering::Relaxed));
             }
             if ended {
                 break;
@@ -198,8 +198,8 @@ impl Telemetry {
         }
     }
 
-    fn publish(&mut self, now: Stamp) {
-        if let Some(status) = self.view.message() {
+    fn publish(&mut self, now: Stamp, dropped: u64) {
+        if let Some(status) = self.view.message(dropped) {
             // A view that nobody could be shown is no fault of the loop.
             let _ = self.server.publish_status(status, now);
         }

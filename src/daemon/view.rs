@@ -8,7 +8,7 @@ use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, state, verdict};
 use magsteer_hal::{HardwareDescription, Stamp};
 
 use super::control_loop::CycleRecord;
-use super::statistics::Statistics;
+use super::statistics::{MinuteStatistics, Statistics};
 use crate::control::Verdict;
 
 /// Over how long the rate of the loop is measured.
@@ -28,7 +28,9 @@ pub struct StatusView {
     window_cycles: u64,
     rate_measured_hz: f64,
     statistics: Statistics,
+    minutes: MinuteStatistics,
     timing: LoopTiming,
+    last_minute: LoopTiming,
 }
 
 impl StatusView {
@@ -48,7 +50,9 @@ impl StatusView {
             window_cycles: 0,
             rate_measured_hz: 0.0,
             statistics: Statistics::new(rate_hz),
+            minutes: MinuteStatistics::new(rate_hz),
             timing: LoopTiming::default(),
+            last_minute: LoopTiming::default(),
         }
     }
 
@@ -58,7 +62,9 @@ impl StatusView {
             self.window_begin = record.tick.now;
         }
         self.window_cycles += 1;
-        self.statistics.record(&record.timing());
+        let timing = record.timing();
+        self.statistics.record(&timing);
+        self.minutes.record(record.tick.now, &timing);
         self.missed += record.tick.missed;
         self.lateness_max = self.lateness_max.max(record.tick.lateness);
         let window = record.tick.now.since(self.window_begin);
@@ -68,6 +74,8 @@ impl StatusView {
             self.window_cycles = 0;
             // Quantiles are read from thousands of counters: once a second, not once a message.
             self.timing = self.statistics.summary().into();
+            self.last_minute =
+                self.minutes.last().copied().map_or_else(LoopTiming::default, LoopTiming::from);
         }
         self.newest = Some(*record);
     }
@@ -78,8 +86,8 @@ impl StatusView {
         self.newest.as_ref().map_or(state::BOOT, |record| record.decision.state)
     }
 
-    /// The message to publish now; `None` before the first cycle.
-    pub fn message(&mut self) -> Option<StatusMessage> {
+    /// The message to publish now; `None` before the first cycle. `records_dropped`: cycles that never came here.
+    pub fn message(&mut self, records_dropped: u64) -> Option<StatusMessage> {
         let record = self.newest.as_ref()?;
         let lateness_max = std::mem::take(&mut self.lateness_max);
         let (decision, outcome) = (&record.decision, &record.outcome);
@@ -95,6 +103,8 @@ impl StatusView {
             lateness_max_us: microseconds(lateness_max.max(record.tick.lateness)),
             pose_age_us: record.pose_age().map_or(-1.0, microseconds),
             timing: self.timing,
+            last_minute: self.last_minute,
+            records_dropped,
             stability_margin: outcome.model.margin,
             magnet_count: self.magnet_count,
             coil_count: self.coil_count,

@@ -112,6 +112,7 @@ overrun_window_ms = 400.0
 realtime = "best-effort"
 priority = 80
 lock_memory = true
+spin_us = 0.0
 status_rate_hz = 100.0
 "#;
 

@@ -7,7 +7,9 @@ use sha2::{Digest, Sha256};
 
 use crate::fault::{FaultAnswer, FaultRequest};
 use crate::message::{Actuation, CoilCommand, CoilFeedback, Header, MagnetPose, PoseMessage, SCHEMA};
-use crate::operator::{LoopTiming, OperatorAnswer, OperatorRequest, Quantiles, StatusMessage};
+use crate::operator::{
+    LoopTiming, OperatorAnswer, OperatorRequest, PhaseQuantiles, Quantiles, StatusMessage,
+};
 
 /// Renders name, size, alignment and every field's offset. The destructuring stops the build when a field is missing.
 macro_rules! layout {
@@ -42,6 +44,8 @@ fn layouts() -> String {
             description_fingerprint,
             commands_refused,
             limit_breaks,
+            answered_pose_stamp_ns,
+            answer_received_stamp_ns,
             state,
             fault,
             coil_count,
@@ -56,8 +60,22 @@ fn layouts() -> String {
     layout!(text, OperatorAnswer { accepted, cause, state, reserved, epoch });
     layout!(text, FaultRequest { action, target, part, index, verb, kind, lasts_ns, time_ns, value });
     layout!(text, FaultAnswer { accepted, reason, active, cleared });
-    layout!(text, Quantiles { p50_us, p99_us, p999_us, max_us });
-    layout!(text, LoopTiming { cycles, lateness, execution, pose_age, pose_to_command });
+    layout!(text, Quantiles { p50_us, p99_us, p999_us, p9999_us, max_us });
+    layout!(text, PhaseQuantiles { read, control, decide, write, record });
+    layout!(
+        text,
+        LoopTiming {
+            cycles,
+            missed,
+            lateness,
+            execution,
+            phases,
+            pose_age,
+            pose_to_command,
+            pose_to_driver,
+            round_trip,
+        }
+    );
     layout!(
         text,
         StatusMessage {
@@ -72,6 +90,8 @@ fn layouts() -> String {
             lateness_max_us,
             pose_age_us,
             timing,
+            last_minute,
+            records_dropped,
             stability_margin,
             magnet_count,
             coil_count,
@@ -108,13 +128,14 @@ mod tests {
             ("PoseMessage", 48 + 8 + 8 * 64),
             ("Actuation", 40 * 8),
             ("CoilCommand", 48 + 8 + 4 * 4 + 320),
-            ("CoilFeedback", 48 + 5 * 8 + 4 * 4 + 320),
+            ("CoilFeedback", 48 + 7 * 8 + 4 * 4 + 320),
             ("OperatorRequest", 8 + 8 * 24 + 8 + 8 * 8),
             ("OperatorAnswer", 4 * 4 + 8),
             ("FaultRequest", 6 * 4 + 3 * 8),
-            ("Quantiles", 4 * 8),
-            ("LoopTiming", 8 + 4 * 32),
-            ("StatusMessage", 48 + 8 + 8 * 8 + 136 + 6 * 4 + 4 * 192 + 2 * 320),
+            ("Quantiles", 5 * 8),
+            ("PhaseQuantiles", 5 * 40),
+            ("LoopTiming", 2 * 8 + 11 * 40),
+            ("StatusMessage", 48 + 8 + 9 * 8 + 2 * 456 + 6 * 4 + 4 * 192 + 2 * 320),
         ];
         let text = layouts();
         for (name, size) in sizes {

@@ -90,6 +90,8 @@ pub struct CommandGuard {
     /// Who holds authority, or held it last.
     last: Option<Identity>,
     accepted: (u64, u64),
+    /// Exposure of the newest poses that a command was computed from, and when the first such command came.
+    answered: (Stamp, Stamp),
     /// Set point in effect.
     applied: Actuation,
     refusals: RefusalCounts,
@@ -109,6 +111,7 @@ impl CommandGuard {
             state: State::Idle,
             last: None,
             accepted: (0, 0),
+            answered: (Stamp::default(), Stamp::default()),
             refusals: RefusalCounts::default(),
             limit_breaks: 0,
         }
@@ -130,7 +133,14 @@ impl CommandGuard {
             _ => self.disable(command, now),
         });
         match &judged {
-            Ok(()) => self.accepted = (command.header.epoch, command.header.sequence),
+            Ok(()) => {
+                self.accepted = (command.header.epoch, command.header.sequence);
+                let exposed = command.header.source_stamp();
+                // Nothing was exposed after its own answer came, whatever the sender writes.
+                if exposed > self.answered.0 && exposed <= now {
+                    self.answered = (exposed, now);
+                }
+            }
             Err(refusal) => self.refusals.add(refusal),
         }
         judged
@@ -169,10 +179,12 @@ impl CommandGuard {
         self.state = State::Disabled;
     }
 
-    /// Fills in what feedback says about commands: state, echo, counts, fingerprint. The header, `fault` and
+    /// Fills in what feedback says about commands: state, echo, receipt, counts, fingerprint. The header, `fault` and
     /// `measured` are the driver's.
     pub fn report(&self, feedback: &mut CoilFeedback) {
         (feedback.accepted_epoch, feedback.accepted_sequence) = self.accepted;
+        feedback.answered_pose_stamp_ns = self.answered.0.nanoseconds();
+        feedback.answer_received_stamp_ns = self.answered.1.nanoseconds();
         feedback.description_fingerprint = self.fingerprint;
         feedback.commands_refused = self.refusals.total();
         feedback.limit_breaks = self.limit_breaks;

@@ -147,6 +147,8 @@ fn no_faulty_feedback_replaces_the_last_good_one() {
         (|message| message.pose_parameter_count = 3, count("frames", 2, 3)),
         (|message| message.description_fingerprint = 1, Absent::Description { expected, actual: 1 }),
         (|message| message.state = 4, implausible("state code", 0)),
+        (|message| message.answered_pose_stamp_ns = JUST_AHEAD + 1, implausible("receipt stamp", 0)),
+        (|message| message.answer_received_stamp_ns = u64::MAX, implausible("receipt stamp", 0)),
         (|message| message.measured.current_a[2] = f64::NAN, implausible("current", 2)),
         (|message| message.measured.current_a[0] = f64::NEG_INFINITY, implausible("current", 0)),
         (|message| message.measured.angle_rad[1] = f64::NAN, implausible("angle", 1)),

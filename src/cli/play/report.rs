@@ -10,13 +10,14 @@ pub fn timing_line(timing: &TimingSummary) -> String {
         format!("p50 {:.0} us, p99 {:.0} us, max {:.0} us", latency.p50, latency.p99, latency.max)
     };
     format!(
-        "loop at {:.0} Hz: {} cycles, {} missed; lateness {}; execution {}; pose to command {}\n",
+        "loop at {:.0} Hz: {} cycles, {} missed; lateness {}; execution {}; pose to command {}, to driver {}\n",
         timing.rate_hz,
         timing.cycles,
         timing.missed,
         row(&timing.lateness_us),
         row(&timing.execution_us),
         row(&timing.pose_to_command_us),
+        row(&timing.pose_to_driver_us),
     )
 }
 

@@ -215,3 +215,39 @@ fn report_states_counts_and_fingerprint() {
     counts.add(&Refusal::Held { holder: 1 });
     assert_eq!(*bench.guard.refusals(), counts);
 }
+
+#[test]
+fn receipt_names_the_newest_poses_answered_and_when_their_first_command_came() {
+    let mut bench = driven();
+    let exposed = bench.now.nanoseconds() + 1;
+    let first = offer_computed_from(&mut bench, HOLDER, exposed);
+    assert_eq!(first.receipt, (exposed, first.now));
+    // No poses, the same, older ones, ones of the future, ones in a command that is refused: nothing is answered anew.
+    let stranger = Sender { epoch: 9, token: 9 };
+    let others =
+        [(HOLDER, 0), (HOLDER, exposed), (HOLDER, exposed - 1), (HOLDER, u64::MAX), (stranger, exposed + 1)];
+    for (sender, stamp) in others {
+        let offered = offer_computed_from(&mut bench, sender, stamp);
+        assert_eq!(offered.receipt, first.receipt, "{stamp} of {sender:?}");
+    }
+    let next = offer_computed_from(&mut bench, HOLDER, exposed + 1);
+    assert_eq!(next.receipt, (exposed + 1, next.now));
+}
+
+struct Offered {
+    now: u64,
+    receipt: (u64, u64),
+}
+
+/// A command computed from poses exposed at `source_stamp_ns`, two milliseconds after the former.
+fn offer_computed_from(bench: &mut Bench, sender: Sender, source_stamp_ns: u64) -> Offered {
+    bench.step_for(2);
+    let mut command = bench.command(sender, order::DRIVE, [0.0; 3]);
+    command.header.source_stamp_ns = source_stamp_ns;
+    let refused = bench.guard.offer(&command, bench.now).is_err();
+    assert_eq!(refused, sender.epoch != HOLDER.epoch);
+    let mut feedback = CoilFeedback::default();
+    bench.guard.report(&mut feedback);
+    let receipt = (feedback.answered_pose_stamp_ns, feedback.answer_received_stamp_ns);
+    Offered { now: bench.now.nanoseconds(), receipt }
+}
