@@ -172,9 +172,11 @@ pub struct CoilFeedback {
     pub commands_refused: u64,
     /// Commands that broke a current or slew limit of the description; a correct daemon causes none.
     pub limit_breaks: u64,
-    /// Exposure of the newest poses that an accepted command was computed from, as the command said; 0 before the first.
+    /// Exposure of the newest poses that an accepted command was computed from, as the command said; 0 before
+    /// the first.
     pub answered_pose_stamp_ns: u64,
-    /// When the first accepted command computed from those poses was received, by the driver's clock; 0 before the first.
+    /// When the first accepted command computed from those poses was received, by the driver's clock; 0
+    /// before the first.
     pub answer_received_stamp_ns: u64,
     /// One of [`driver_state`].
     pub state: u32,

@@ -174,7 +174,8 @@ pub struct LoopTiming {
     pub pose_age: Quantiles,
     /// From the exposure of fresh poses to the command computed from them.
     pub pose_to_command: Quantiles,
-    /// From the exposure of fresh poses to the driver's receipt of the command computed from them, as the driver stamped it.
+    /// From the exposure of fresh poses to the driver's receipt of the command computed from them, as the
+    /// driver stamped it.
     pub pose_to_driver: Quantiles,
     /// From the publication of those poses to the same receipt: without the sensor's own latency.
     pub round_trip: Quantiles,

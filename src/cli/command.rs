@@ -8,6 +8,7 @@ use super::campaign::Campaign;
 use super::check::Check;
 #[cfg(feature = "sim")]
 use super::demo::Demo;
+use super::doctor::Doctor;
 use super::exit::Exit;
 use super::fault::Fault;
 use super::field::Field;
@@ -64,6 +65,7 @@ pub enum Command {
     Estop(RequestArgs),
     Fault(Fault),
     Check(Check),
+    Doctor(Doctor),
     Field(Field),
     Shape(Shape),
     Plan(Plan),
@@ -91,6 +93,7 @@ impl Command {
             Self::Estop(request) => request.run(verb::ESTOP),
             Self::Fault(command) => command.run(),
             Self::Check(command) => command.run(),
+            Self::Doctor(command) => command.run(),
             Self::Field(command) => command.run(),
             Self::Shape(command) => command.run(),
             Self::Plan(command) => command.run(),

@@ -12,6 +12,7 @@ mod counting;
 mod data_file;
 #[cfg(feature = "sim")]
 mod demo;
+mod doctor;
 mod ending;
 mod exit;
 mod fault;

@@ -41,7 +41,8 @@ pub struct Status {
 }
 
 /// The stable keys are `state`, `cause`, `cycle`, `rate_hz`, `targets_deg`, `measured_deg`, `currents_a`, `angles_deg`,
-/// `pose_age_us`, `missed`, `stability_margin`, `target_verdict`, `loop` and `last_minute`. Angles of tangents are those from global z; absent values are null.
+/// `pose_age_us`, `missed`, `stability_margin`, `target_verdict`, `loop` and `last_minute`. Angles of
+/// tangents are those from global z; absent values are null.
 #[derive(Serialize)]
 struct Answer {
     state: &'static str,

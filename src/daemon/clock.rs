@@ -110,7 +110,8 @@ impl Clock {
         let deadline = self.schedule.deadline();
         kernel::sleep_until(deadline.before(self.spin));
         let mut now = Stamp::now();
-        // Without the processor's hint for waiting loops: a hypervisor may take the CPU from a guest that gives it often.
+        // Without the processor's hint for waiting loops: a hypervisor may take the CPU from a guest that
+        // gives it often.
         while now < deadline {
             now = Stamp::now();
         }

@@ -94,8 +94,8 @@ pub struct DaemonConfig {
     pub cpu: Option<u32>,
     /// True to lock the process's memory.
     pub lock_memory: bool,
-    /// How long before a deadline the loop's thread wakes to wait for it at the clock, us, 0 (off) to 200 and half a
-    /// period. Takes wake-up latency off the lateness for `spin_us` of computing time a cycle.
+    /// How long before a deadline the loop's thread wakes to wait for it at the clock, us, 0 (off) to 200 and
+    /// half a period. Takes wake-up latency off the lateness for `spin_us` of computing time a cycle.
     pub spin_us: f64,
     /// Status messages a second, 1 to 1000.
     pub status_rate_hz: f64,

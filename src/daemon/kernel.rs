@@ -20,7 +20,8 @@ use super::threads::ThreadView;
 
 /// Stack touched in advance, so that no cycle meets a page fault there.
 const STACK_PREFAULT: usize = 256 * 1_024;
-/// Heap of the loop's thread touched in advance: the transport takes memory once a message, a few hundred bytes.
+/// Heap of the loop's thread touched in advance: the transport takes memory once a message, a few hundred
+/// bytes.
 const HEAP_PREFAULT: usize = 1 << 20;
 /// A page, at least.
 const PAGE: usize = 4_096;
@@ -120,8 +121,8 @@ pub fn request_helper_realtime(priority: u32) -> RealtimeItem {
     RealtimeItem { name: "helpers".to_owned(), ..request_fifo(priority) }
 }
 
-/// Asks for ordinary scheduling for the calling thread, off the loop's CPU where there is another one, and reads back what
-/// holds: a process started under a real-time policy hands it down to all of its threads.
+/// Asks for ordinary scheduling for the calling thread, off the loop's CPU where there is another one, and
+/// reads back what holds: a process started under a real-time policy hands it down to all of its threads.
 #[must_use]
 pub fn request_ordinary(loop_cpu: Option<u32>) -> Vec<RealtimeItem> {
     let parameters = libc::sched_param { sched_priority: 0 };
@@ -181,7 +182,8 @@ impl ThreadUsage {
 /// The calling thread's counts, as the kernel keeps them.
 #[must_use]
 pub fn thread_usage() -> ThreadUsage {
-    // SAFETY: an all-zero `rusage` is a valid value, and the pointer is to that live structure, which the call fills.
+    // SAFETY: an all-zero `rusage` is a valid value, and the pointer is to that live structure, which the
+    // call fills.
     let usage = unsafe {
         let mut usage: libc::rusage = std::mem::zeroed();
         libc::getrusage(libc::RUSAGE_THREAD, &raw mut usage);
@@ -195,8 +197,9 @@ pub fn thread_usage() -> ThreadUsage {
     }
 }
 
-/// Keeps freed memory with the process and large blocks on the heap, so that pages once touched stay: giving memory back
-/// and taking it anew would meet page faults, and changes of the memory map that hold up every thread's.
+/// Keeps freed memory with the process and large blocks on the heap, so that pages once touched stay: giving
+/// memory back and taking it anew would meet page faults, and changes of the memory map that hold up every
+/// thread's.
 #[cfg(target_env = "gnu")]
 fn request_kept_heap() -> Option<RealtimeItem> {
     // SAFETY: both parameters take any number; the allocator locks itself while it changes them.
@@ -213,7 +216,8 @@ fn request_kept_heap() -> Option<RealtimeItem> {
     ))
 }
 
-/// Other C libraries offer no such setting; the loop takes memory once a message, of a size that no allocator gives back.
+/// Other C libraries offer no such setting; the loop takes memory once a message, of a size that no allocator
+/// gives back.
 #[cfg(not(target_env = "gnu"))]
 fn request_kept_heap() -> Option<RealtimeItem> {
     None

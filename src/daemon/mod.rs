@@ -15,7 +15,7 @@
 //! | `phases` | where in a cycle its time goes |
 //! | `receipt` | how long it takes from poses to the driver, as the driver stamped it |
 //! | `threads` | the scheduling of every thread of a process, read back |
-//! | `statistics`, `timing_summary` | lossless histograms of timing over the run and each minute; their quantiles |
+//! | `statistics`, `timing_summary` | lossless histograms of timing by run and minute; their quantiles |
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
 //! | `target` | targets and tangents as people write and read them |

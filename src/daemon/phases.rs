@@ -1,8 +1,9 @@
 //! Where in a cycle its time goes.
 //!
-//! Terms: a *phase* is a stretch of the cycle between two of its steps; together they are the cycle's execution, without
-//! gap or overlap. Method: the cycle says when a phase ends, and whoever runs it brings the clock: a [`StopWatch`] in real
-//! time, [`Untimed`] under stepped time. So the cycle itself reads no clock. A reading takes some 25 ns.
+//! Terms: a *phase* is a stretch of the cycle between two of its steps; together they are the cycle's
+//! execution, without gap or overlap. Method: the cycle says when a phase ends, and whoever runs it brings
+//! the clock: a [`StopWatch`] in real time, [`Untimed`] under stepped time. So the cycle itself reads no
+//! clock. A reading takes some 25 ns.
 
 use std::time::Duration;
 

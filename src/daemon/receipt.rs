@@ -1,9 +1,10 @@
 //! How long it takes from poses to the driver, as the driver stamped it.
 //!
-//! Terms: *poses answered* are those that a command was computed from; the *receipt* is the driver's note in its feedback:
-//! which poses the newest command answered, and when the first command that did so came. Both sides read one clock.
-//! Method: the loop remembers the poses of its latest answers and looks up the one that a receipt names. A driver tells of
-//! the newest answer alone, so that answers overtaken before the next feedback have no receipt.
+//! Terms: *poses answered* are those that a command was computed from; the *receipt* is the driver's note in
+//! its feedback: which poses the newest command answered, and when the first command that did so came. Both
+//! sides read one clock. Method: the loop remembers the poses of its latest answers and looks up the one that
+//! a receipt names. A driver tells of the newest answer alone, so that answers overtaken before the next
+//! feedback have no receipt.
 
 use std::time::Duration;
 

@@ -122,8 +122,8 @@ fn largest_current(record: &CycleRecord) -> f64 {
     record.input.measured.current_a.iter().fold(0.0, |largest: f64, current| largest.max(current.abs()))
 }
 
-/// Runs cycles until `stop` was asked for and the outputs are at rest. `statistics` comes empty, made before memory was
-/// locked.
+/// Runs cycles until `stop` was asked for and the outputs are at rest. `statistics` comes empty, made before
+/// memory was locked.
 pub fn run_loop<H: Hardware, S: Step>(
     mut control_loop: ControlLoop<H, S>,
     pace: Pace,

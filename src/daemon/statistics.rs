@@ -1,12 +1,12 @@
 //! Timing of every cycle, without loss: histograms with their maximum, never means.
 //!
 //! Terms: *lateness* from the awaited deadline to the cycle's begin; *execution* from the cycle's
-//! begin to its end, by [phases](super::phases); *pose age* from exposure to the cycle that uses the poses; *pose to
-//! command* from the exposure of fresh poses to the moment at which the command computed from them was sent; *pose to
-//! driver* from that exposure, and *round trip* from the publication of the poses, to the [receipt](super::receipt) of that
-//! command by the driver.
-//! Method: HDR histograms of nanoseconds with fixed bounds and three significant digits, allocated
-//! at construction; a value beyond the upper bound counts there, so that nothing is dropped.
+//! begin to its end, by [phases](super::phases); *pose age* from exposure to the cycle that uses the poses;
+//! *pose to command* from the exposure of fresh poses to the moment at which the command computed from them
+//! was sent; *pose to driver* from that exposure, and *round trip* from the publication of the poses, to the
+//! [receipt](super::receipt) of that command by the driver. Method: HDR histograms of nanoseconds with fixed
+//! bounds and three significant digits, allocated at construction; a value beyond the upper bound counts
+//! there, so that nothing is dropped.
 
 use std::time::Duration;
 
@@ -177,7 +177,8 @@ impl MinuteStatistics {
         Self { current: Statistics::new(rate_hz), end: None, last: None }
     }
 
-    /// Counts one cycle that began at `now`. Allocates nothing; the first of a minute also sums up the one before.
+    /// Counts one cycle that began at `now`. Allocates nothing; the first of a minute also sums up the one
+    /// before.
     pub fn record(&mut self, now: Stamp, timing: &CycleTiming) {
         let end = *self.end.get_or_insert(now.after(MINUTE));
         if now >= end {

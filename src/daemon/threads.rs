@@ -1,7 +1,8 @@
 //! The scheduling of every thread of a process, as the kernel has it.
 //!
-//! Problem: what a thread asked for is not what it runs under when rights lack, and threads that never asked inherit what
-//! the program was started with. Method: `/proc/PID/task`, proc(5), for each thread; nothing is set here.
+//! Problem: what a thread asked for is not what it runs under when rights lack, and threads that never asked
+//! inherit what the program was started with. Method: `/proc/PID/task`, proc(5), for each thread; nothing is
+//! set here.
 
 use std::fmt;
 use std::fs;
@@ -22,7 +23,8 @@ pub struct ThreadView {
     pub priority: u32,
     /// CPUs that it may run on, as the kernel lists them.
     pub cpus: String,
-    /// How late a timer of the thread may be by choice of the kernel, 0 under a real-time policy; `None` where it must not be read.
+    /// How late a timer of the thread may be by choice of the kernel, 0 under a real-time policy; `None`
+    /// where it must not be read.
     pub timer_slack_ns: Option<u64>,
 }
 

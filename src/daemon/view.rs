@@ -86,7 +86,8 @@ impl StatusView {
         self.newest.as_ref().map_or(state::BOOT, |record| record.decision.state)
     }
 
-    /// The message to publish now; `None` before the first cycle. `records_dropped`: cycles that never came here.
+    /// The message to publish now; `None` before the first cycle. `records_dropped`: cycles that never came
+    /// here.
     pub fn message(&mut self, records_dropped: u64) -> Option<StatusMessage> {
         let record = self.newest.as_ref()?;
         let lateness_max = std::mem::take(&mut self.lateness_max);

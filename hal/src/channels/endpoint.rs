@@ -90,7 +90,7 @@ impl Endpoint {
         Ok(Membership { node, _sweeper: sweeper })
     }
 
-    fn config(&self, connection_wait: Duration) -> Result<Config, ChannelError> {
+    pub(super) fn config(&self, connection_wait: Duration) -> Result<Config, ChannelError> {
         let root_bytes = self.root.as_os_str().as_encoded_bytes();
         let unusable = |_| ChannelError::Root {
             path: self.root.clone(),

@@ -2,11 +2,17 @@
 //!
 //! The file itself stays; it names the last holder's process, for people.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, Metadata, OpenOptions, TryLockError};
 use std::io::{Read, Seek, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
+use std::time::Duration;
 
 use super::error::{ChannelError, Role};
+
+/// Attempts to take a role whose file is just being cleared away, and the pause between two.
+const ATTEMPTS_MAX: u32 = 20;
+const ATTEMPT_PAUSE: Duration = Duration::from_millis(5);
 
 /// Held as long as it lives.
 #[derive(Debug)]
@@ -19,36 +25,60 @@ impl RoleLock {
     pub(super) fn acquire(root: &Path, rig: &str, role: Role) -> Result<Self, ChannelError> {
         let path = root.join(format!("{rig}.{role}.lock"));
         let refused = |source| ChannelError::Root { path: path.clone(), source };
-        let mut file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(&path)
-            .map_err(refused)?;
-        match file.try_lock() {
-            Ok(()) => (),
-            Err(TryLockError::WouldBlock) => {
-                let mut text = String::new();
-                let pid = match file.read_to_string(&mut text) {
-                    Ok(_) => text.trim().parse().unwrap_or(0),
-                    Err(_) => 0,
-                };
-                return Err(ChannelError::Held { rig: rig.to_owned(), role, pid, path });
+        let mut attempts_left = ATTEMPTS_MAX;
+        loop {
+            attempts_left -= 1;
+            let mut file = OpenOptions::new()
+                .read(true)
+                .write(true)
+                .create(true)
+                .truncate(false)
+                .open(&path)
+                .map_err(refused)?;
+            match file.try_lock() {
+                // Cleared away as stale between opening and locking: no longer the file under that name.
+                Ok(()) if !is_named_by(&file, &path) && attempts_left > 0 => (),
+                Ok(()) => {
+                    file.set_len(0).map_err(refused)?;
+                    file.rewind().map_err(refused)?;
+                    writeln!(file, "{}", std::process::id()).map_err(refused)?;
+                    return Ok(Self { _file: file });
+                }
+                Err(TryLockError::WouldBlock) if attempts_left > 0 && living_holder(&path).is_none() => {
+                    // Held by nobody who says so: whoever clears it away is about to be done.
+                    std::thread::sleep(ATTEMPT_PAUSE);
+                }
+                Err(TryLockError::WouldBlock) => {
+                    let mut text = String::new();
+                    let pid = match file.read_to_string(&mut text) {
+                        Ok(_) => text.trim().parse().unwrap_or(0),
+                        Err(_) => 0,
+                    };
+                    return Err(ChannelError::Held { rig: rig.to_owned(), role, pid, path });
+                }
+                Err(TryLockError::Error(source)) => return Err(refused(source)),
             }
-            Err(TryLockError::Error(source)) => return Err(refused(source)),
         }
-        file.set_len(0).map_err(refused)?;
-        file.rewind().map_err(refused)?;
-        writeln!(file, "{}", std::process::id()).map_err(refused)?;
-        Ok(Self { _file: file })
     }
+}
+
+/// True when `path` still names `file`, and not another one or none.
+pub(super) fn is_named_by(file: &File, path: &Path) -> bool {
+    let same = |own: Metadata| {
+        path.metadata().is_ok_and(|named| named.ino() == own.ino() && named.dev() == own.dev())
+    };
+    file.metadata().is_ok_and(same)
 }
 
 /// The living process that took the role last, as far as its lock file says. Looks at no lock, so that it
 /// never keeps anybody from taking one.
 pub(super) fn holder(root: &Path, rig: &str, role: Role) -> Option<u32> {
-    let text = std::fs::read_to_string(root.join(format!("{rig}.{role}.lock"))).ok()?;
+    living_holder(&root.join(format!("{rig}.{role}.lock")))
+}
+
+/// The living process that a lock file names.
+pub(super) fn living_holder(path: &Path) -> Option<u32> {
+    let text = std::fs::read_to_string(path).ok()?;
     let number: u32 = text.trim().parse().ok()?;
     let pid = rustix::process::Pid::from_raw(i32::try_from(number).ok()?)?;
     rustix::process::test_kill_process(pid).is_ok().then_some(number)

@@ -18,7 +18,7 @@ use iceoryx2::prelude::{Node, ipc};
 /// Where the system keeps shared-memory segments; fixed.
 pub(super) const SEGMENTS: &str = "/dev/shm";
 /// Age from which a half-made segment counts as abandoned. Making one takes microseconds.
-const ABANDONED_AGE: Duration = Duration::from_secs(1);
+pub(super) const ABANDONED_AGE: Duration = Duration::from_secs(1);
 const SWEEP_PERIOD: Duration = Duration::from_millis(500);
 
 /// A node and its sweeper, which ends with it.
@@ -61,7 +61,7 @@ impl Drop for Sweeper {
 }
 
 /// Removes files in `directory` that start with `prefix`, are not yet readable by their owner and at least `age` old.
-fn sweep(directory: &Path, prefix: &str, age: Duration) -> io::Result<()> {
+pub(super) fn sweep(directory: &Path, prefix: &str, age: Duration) -> io::Result<()> {
     const OWNER_READS: u32 = 0o400;
     for entry in fs::read_dir(directory)?.flatten() {
         if !entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {

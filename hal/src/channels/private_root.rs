@@ -15,7 +15,7 @@ use super::error::ChannelError;
 use super::membership::{SEGMENTS, remove_all};
 
 /// Locked by the owner as long as it lives.
-const OWNER_LOCK: &str = "owner.lock";
+pub(super) const OWNER_LOCK: &str = "owner.lock";
 /// Names to try: each fails only when another owner took it, or swept it away before it was locked.
 const ATTEMPTS_MAX: u32 = 100;
 
@@ -40,7 +40,7 @@ impl PrivateRoot {
             let source = io::Error::from(io::ErrorKind::InvalidFilename);
             return Err(ChannelError::Root { path: PathBuf::from(hint), source });
         }
-        sweep(hint);
+        remove_abandoned(hint);
         let mut last = None;
         for number in 0..ATTEMPTS_MAX {
             let path = Path::new(SEGMENTS).join(format!("{hint}-{}-{number}", std::process::id()));
@@ -92,9 +92,28 @@ fn is_contended(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::AlreadyExists | io::ErrorKind::NotFound | io::ErrorKind::WouldBlock)
 }
 
-/// Removes what killed owners left. What cannot be looked at or removed is somebody else's, and stays.
-fn sweep(hint: &str) {
-    let Ok(entries) = std::fs::read_dir(SEGMENTS) else { return };
+/// Removes what killed owners left, and says what. What cannot be looked at or removed is somebody else's,
+/// and stays.
+pub(super) fn remove_abandoned(hint: &str) -> Vec<PathBuf> {
+    let mut removed = Vec::new();
+    for path in own_roots(hint) {
+        if let Some(_locks) = abandoned(&path) {
+            remove(&path);
+            removed.push(path);
+        }
+    }
+    removed
+}
+
+/// Roots of killed owners.
+pub(super) fn abandoned_roots(hint: &str) -> Vec<PathBuf> {
+    own_roots(hint).into_iter().filter(|path| abandoned(path).is_some()).collect()
+}
+
+/// Roots of this hint and user, in order.
+fn own_roots(hint: &str) -> Vec<PathBuf> {
+    let Ok(entries) = std::fs::read_dir(SEGMENTS) else { return Vec::new() };
+    let mut found = Vec::new();
     for entry in entries.flatten() {
         let name = entry.file_name();
         let of_this_kind = name
@@ -104,13 +123,12 @@ fn sweep(hint: &str) {
         let own = entry
             .metadata()
             .is_ok_and(|found| found.is_dir() && found.uid() == rustix::process::getuid().as_raw());
-        if of_this_kind
-            && own
-            && let Some(_locks) = abandoned(&entry.path())
-        {
-            remove(&entry.path());
+        if of_this_kind && own {
+            found.push(entry.path());
         }
     }
+    found.sort();
+    found
 }
 
 /// Takes every lock under a root: its owner's and its participants'. `None` while one of them lives.

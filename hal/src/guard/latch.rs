@@ -179,8 +179,8 @@ impl CommandGuard {
         self.state = State::Disabled;
     }
 
-    /// Fills in what feedback says about commands: state, echo, receipt, counts, fingerprint. The header, `fault` and
-    /// `measured` are the driver's.
+    /// Fills in what feedback says about commands: state, echo, receipt, counts, fingerprint. The header,
+    /// `fault` and `measured` are the driver's.
     pub fn report(&self, feedback: &mut CoilFeedback) {
         (feedback.accepted_epoch, feedback.accepted_sequence) = self.accepted;
         feedback.answered_pose_stamp_ns = self.answered.0.nanoseconds();

@@ -222,7 +222,8 @@ fn receipt_names_the_newest_poses_answered_and_when_their_first_command_came() {
     let exposed = bench.now.nanoseconds() + 1;
     let first = offer_computed_from(&mut bench, HOLDER, exposed);
     assert_eq!(first.receipt, (exposed, first.now));
-    // No poses, the same, older ones, ones of the future, ones in a command that is refused: nothing is answered anew.
+    // No poses, the same, older ones, ones of the future, ones in a command that is refused: nothing is
+    // answered anew.
     let stranger = Sender { epoch: 9, token: 9 };
     let others =
         [(HOLDER, 0), (HOLDER, exposed), (HOLDER, exposed - 1), (HOLDER, u64::MAX), (stranger, exposed + 1)];
