@@ -8,7 +8,10 @@ pub struct Fixture {
     pub machine: Machine,
 }
 
-pub fn machine(files: &[(&str, &str)]) -> Fixture {
+/// Paths with the text of each.
+pub type Files<'a> = &'a [(&'a str, &'a str)];
+
+pub fn machine(files: Files<'_>) -> Fixture {
     let directory = tempfile::tempdir().expect("a directory");
     for (path, text) in files {
         let path = directory.path().join(path.trim_start_matches('/'));

@@ -121,7 +121,7 @@ pub fn throttling(machine: &Machine) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::super::finding::Level;
-    use super::super::fixture::machine;
+    use super::super::fixture::{Files, machine};
     use super::{clock_source, preemption, throttling};
 
     const VERSION: &str = "/proc/version";
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn preemption_is_judged_by_what_is_in_force() {
-        let cases: [(&[(&str, &str)], Level, &str); 10] = [
+        let cases: [(Files<'_>, Level, &str); 10] = [
             (
                 &[("/sys/kernel/realtime", "1"), (VERSION, "Linux 5.10 SMP PREEMPT")],
                 Level::Pass,
@@ -163,7 +163,7 @@ mod tests {
     fn clock_source_is_judged_by_its_cost_and_a_better_one_named() {
         let current = "/sys/devices/system/clocksource/clocksource0/current_clocksource";
         let available = "/sys/devices/system/clocksource/clocksource0/available_clocksource";
-        let cases: [(&[(&str, &str)], Level, &str); 5] = [
+        let cases: [(Files<'_>, Level, &str); 5] = [
             (&[(current, "tsc")], Level::Pass, ""),
             (&[(current, "kvm-clock")], Level::Pass, ""),
             (&[(current, "hpet"), (available, "hpet tsc acpi_pm")], Level::Warn, "echo tsc | sudo tee"),

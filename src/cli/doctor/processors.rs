@@ -124,7 +124,7 @@ fn list(cpus: &[u32]) -> String {
 mod tests {
     use super::super::consequences::tests::daemon;
     use super::super::finding::Level;
-    use super::super::fixture::machine;
+    use super::super::fixture::{Files, machine};
     use super::{Stolen, configured_cpu, governor, isolation, steal};
 
     const ONLINE: &str = "/sys/devices/system/cpu/online";
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn isolation_is_judged_by_the_loops_cpu() {
-        let cases: [(&[(&str, &str)], Option<u32>, Level, &str); 6] = [
+        let cases: [(Files<'_>, Option<u32>, Level, &str); 6] = [
             (&[(ONLINE, "0")], None, Level::Warn, "second CPU"),
             (&[(ONLINE, "0-3"), (ISOLATED, "")], None, Level::Warn, "isolcpus=3 "),
             (&[(ONLINE, "0-3"), (ISOLATED, "")], Some(2), Level::Warn, "isolcpus=2 "),
