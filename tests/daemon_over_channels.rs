@@ -86,6 +86,7 @@ impl Daemon {
                 endpoint: &endpoint,
                 driver_wait: PATIENCE,
                 arm,
+                recorder: None,
             };
             run(&plan, || controller, &stop_inside)
         });

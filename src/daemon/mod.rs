@@ -15,6 +15,7 @@
 //! | `statistics` | lossless histograms of timing |
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
+//! | `recorder` | the last seconds of every cycle, written out after a trip; the journal of events |
 //! | `target` | targets and tangents as people write and read them |
 //! | `target_rules` | which targets a rig can take |
 //! | `lockstep` | the loop under stepped time: plays an experiment faster than real time |
@@ -29,6 +30,7 @@ mod control_loop;
 mod control_loop_tests;
 pub mod kernel;
 pub mod lockstep;
+pub mod recorder;
 mod run;
 mod run_digest;
 mod runner;

@@ -11,6 +11,7 @@
 //! ends with an error. When the telemetry thread panics the loop ramps down and the process ends with an error.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
+use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -26,6 +27,7 @@ use super::control_loop::{ControlLoop, LoopOptions};
 use super::kernel::{
     RealtimeItem, RealtimeReport, RealtimeRequest, request_helper_realtime, request_realtime,
 };
+use super::recorder::{Recorder, RecorderPlan, RecorderState};
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::TimingSummary;
 use super::telemetry::{Telemetry, TelemetryRings, log};
@@ -57,6 +59,8 @@ pub struct RunPlan<'a> {
     pub driver_wait: Duration,
     /// Arm as soon as the rig is ready.
     pub arm: bool,
+    /// What to record; `None` for nothing.
+    pub recorder: Option<RecorderPlan>,
 }
 
 /// Why a daemon did not run to a clean end.
@@ -105,6 +109,8 @@ pub struct RunReport {
     pub commands_refused: u64,
     /// Commands that broke a limit since the driver's start; a correct daemon causes none.
     pub limit_breaks: u64,
+    /// Flights that the recorder wrote.
+    pub flights: Vec<PathBuf>,
 }
 
 impl RunReport {
@@ -114,7 +120,7 @@ impl RunReport {
         self.state != state::name(state::FAULT)
     }
 
-    fn new(end: &LoopEnd, realtime: RealtimeReport, records_dropped: u64) -> Self {
+    fn new(end: &LoopEnd, realtime: RealtimeReport, records_dropped: u64, flights: Vec<PathBuf>) -> Self {
         Self {
             state: state::name(end.state).to_owned(),
             cause: end.cause.map(|cause| cause.text().to_owned()),
@@ -127,6 +133,7 @@ impl RunReport {
             records_dropped,
             commands_refused: end.commands_refused,
             limit_breaks: end.limit_breaks,
+            flights,
         }
     }
 }
@@ -143,6 +150,12 @@ pub fn run<S: Step + Send>(
     let services = find_driver(plan, stop)?;
     let operators = OperatorServices::create(plan.endpoint)?;
     let (loop_rings, telemetry_rings) = rings(plan.config);
+    // Its memory is there before the loop's thread locks what there is.
+    let recorder = plan.recorder.as_ref();
+    let recorder = recorder
+        .map(|recorder| Recorder::start(recorder, plan.description, plan.config.rate_hz))
+        .transpose()?;
+    let recorded = recorder.as_ref().map(Recorder::state);
     let counters = LoopCounters::default();
     let realtime = OnceLock::new();
     std::thread::scope(|scope| {
@@ -168,7 +181,7 @@ pub fn run<S: Step + Send>(
         let telemetry_thread =
             std::thread::Builder::new().name("magsteer-comms".to_owned()).spawn_scoped(scope, || {
                 let server = operators.into_server()?;
-                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm)
+                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm, recorder)
                     .serve(&counters);
                 Ok(())
             });
@@ -184,7 +197,8 @@ pub fn run<S: Step + Send>(
             telemetry_thread.join().map_err(|_| RunError::TelemetryPanicked)?;
         told?;
         let dropped = counters.records_dropped.load(Ordering::Relaxed);
-        Ok(RunReport::new(&end?, realtime.get().cloned().unwrap_or_default(), dropped))
+        let flights = recorded.as_deref().map(RecorderState::paths).unwrap_or_default();
+        Ok(RunReport::new(&end?, realtime.get().cloned().unwrap_or_default(), dropped, flights))
     })
 }
 

@@ -113,6 +113,11 @@ realtime = "best-effort"
 priority = 80
 lock_memory = true
 status_rate_hz = 100.0
+
+[daemon.recorder]
+folder = "runs/daemon"
+seconds = 10.0
+flights_max = 100
 "#;
 
 /// What is wrong with a text.
