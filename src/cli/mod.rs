@@ -13,10 +13,15 @@ mod data_file;
 #[cfg(feature = "sim")]
 mod demo;
 mod ending;
+mod events;
 mod exit;
 mod fault;
 mod field;
-#[cfg(all(feature = "figures", feature = "sim"))]
+#[cfg(feature = "figures")]
+#[cfg_attr(
+    not(feature = "sim"),
+    expect(dead_code, reason = "pictures of demonstrations and campaigns are not drawn")
+)]
 mod figures;
 mod operator;
 mod output;
@@ -30,6 +35,7 @@ mod run;
 mod run_folder;
 #[cfg(all(feature = "figures", feature = "sim"))]
 mod run_pictures;
+mod runs;
 mod shape;
 mod shape_answer;
 mod shipped;
