@@ -63,7 +63,8 @@ fn trip(world: &World, operator: &mut Operator) {
     assert_eq!(status.cause, Cause::PoseStale.code());
 }
 
-/// Goal: after a fault the flight is there, with the tripping cycle and the time before it, and both commands say why.
+/// Goal: after a fault the flight is there, with the tripping cycle and the time before it, and both commands
+/// say why.
 #[test]
 fn a_fault_leaves_a_flight_and_a_journal_that_say_why() {
     let world = World::new();
@@ -117,7 +118,8 @@ fn a_fault_leaves_a_flight_and_a_journal_that_say_why() {
     plant.end();
 }
 
-/// Goal: an operator's order is carried out without disturbing a loop that steers; another rig's daemon is not asked.
+/// Goal: an operator's order is carried out without disturbing a loop that steers; another rig's daemon is
+/// not asked.
 #[test]
 fn an_operator_saves_the_last_seconds_of_a_loop_that_goes_on() {
     let world = World::new();
@@ -154,8 +156,8 @@ fn a_killed_daemon_leaves_its_journal_readable() {
     plant.end();
 }
 
-/// Goal: without a folder to write to, and with nobody who reads what it says, the daemon steers, trips, is reset and
-/// steers again; the status warns, and says what the system says.
+/// Goal: without a folder to write to, and with nobody who reads what it says, the daemon steers, trips, is
+/// reset and steers again; the status warns, and says what the system says.
 #[test]
 fn a_daemon_that_cannot_write_anywhere_steers_and_warns() {
     let world = World::new();
@@ -205,7 +207,8 @@ fn some_flight(world: &World) -> PathBuf {
     file
 }
 
-/// Goal: what cannot be read is told in one line, with the exit code of its kind; a damaged file is shown as far as it goes.
+/// Goal: what cannot be read is told in one line, with the exit code of its kind; a damaged file is shown as
+/// far as it goes.
 #[test]
 fn what_cannot_be_read_is_told_in_one_line_and_by_its_exit_code() {
     let world = World::new();

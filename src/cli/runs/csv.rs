@@ -1,5 +1,5 @@
-//! Every value of a flight as CSV: a heading with the columns' names, a row a cycle, nothing between two commas where there is
-//! no value.
+//! Every value of a flight as CSV: a heading with the columns' names, a row a cycle, nothing between two
+//! commas where there is no value.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};

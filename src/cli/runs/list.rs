@@ -37,8 +37,8 @@ struct Answer {
 #[derive(Serialize)]
 struct Line {
     file: PathBuf,
-    /// "complete"; "cut" when its length is not what its head says; "unfinished" when its writer did not come to the
-    /// end; "unreadable".
+    /// "complete"; "cut" when its length is not what its head says; "unfinished" when its writer did not come
+    /// to the end; "unreadable".
     status: &'static str,
     time: Option<String>,
     rig: Option<String>,

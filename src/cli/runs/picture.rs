@@ -1,4 +1,5 @@
-//! A flight as a picture: a panel a magnet, then currents, margin and lateness, all against the time from the trip.
+//! A flight as a picture: a panel a magnet, then currents, margin and lateness, all against the time from the
+//! trip.
 
 use std::path::Path;
 

@@ -20,8 +20,8 @@ const BEFORE_S: f64 = 1.0;
 
 /// Show a flight: why it was written, the last second before the trip and what came of it, the worst values.
 ///
-/// Ends with 0; with 65 when the file is no flight, of another version, or damaged: what stands before the damage is
-/// shown; with 66 when there is no such file.
+/// Ends with 0; with 65 when the file is no flight, of another version, or damaged: what stands before the
+/// damage is shown; with 66 when there is no such file.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  magsteer runs show runs/daemon/20261122-091419-bigmag-planar-safe-stop-200.flight --picture trip.png"
@@ -45,8 +45,8 @@ pub struct Show {
     json: bool,
 }
 
-/// The stable keys are `reason`, `from`, `to`, `cause`, `cause_code`, `trigger_cycle`, `trigger_time`, `complete`, `records`,
-/// `extremes` and `rows`.
+/// The stable keys are `reason`, `from`, `to`, `cause`, `cause_code`, `trigger_cycle`, `trigger_time`,
+/// `complete`, `records`, `extremes` and `rows`.
 #[derive(Serialize)]
 struct Answer<'a> {
     file: &'a PathBuf,

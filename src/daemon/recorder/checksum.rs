@@ -1,4 +1,5 @@
-//! CRC-32 as of Ethernet, gzip and PNG: finds every error of up to 32 bits in a row, and others but for one in 2^32.
+//! CRC-32 as of Ethernet, gzip and PNG: finds every error of up to 32 bits in a row, and others but for one
+//! in 2^32.
 //!
 //! Reflected, polynomial 0xEDB88320, begins and ends inverted; a table of 256 entries (Sarwate 1988).
 

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecorderConfig {
-    /// Folder for flights and the journal, relative to the daemon's working directory; made when it is missing.
+    /// Folder for flights and the journal, relative to the daemon's working directory; made when it is
+    /// missing.
     pub folder: PathBuf,
     /// How long the ring reaches back, s, 1 to 60. Memory goes with it: twice this time in records, at most
     /// 512 MiB; the daemon says how much at its start.

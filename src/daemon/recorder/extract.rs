@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::columns::refusal_text;
 use super::reading::Flight;
+use super::refusal::refusal_text;
 use crate::daemon::target::angle_from_z_deg;
 
 /// The worst value of something over a flight.

@@ -1,9 +1,9 @@
 //! The files thread: writes events and flights, and keeps what it cannot write until it can.
 //!
-//! Nothing waits for it. A disk that is full, a folder that vanished or may not be written, a file system that
-//! hangs: each is noted in [`RecorderState`], which the status shows, and tried again once a second. Even when there
-//! is nothing to write, room and rights for one flight are looked at every few seconds: to learn of a full
-//! disk from a flight that cannot be written is to learn of it too late.
+//! Nothing waits for it. A disk that is full, a folder that vanished or may not be written, a file system
+//! that hangs: each is noted in [`RecorderState`], which the status shows, and tried again once a second.
+//! Even when there is nothing to write, room and rights for one flight are looked at every few seconds: to
+//! learn of a full disk from a flight that cannot be written is to learn of it too late.
 
 use std::collections::VecDeque;
 use std::fs::{self, File};
@@ -295,6 +295,10 @@ impl<S: Store> Files<S> {
     fn write_events(&mut self) -> io::Result<()> {
         let lost = self.state.events_lost.load(Ordering::Relaxed);
         while let Some(entry) = self.events.front() {
+            if entry.event == event::STOP && !self.flights.is_empty() {
+                // A journal ends with the end of its run.
+                break;
+            }
             self.store.append(&line(entry)?)?;
             self.events.pop_front();
             self.state.events_waiting.fetch_sub(1, Ordering::Relaxed);
@@ -320,7 +324,9 @@ impl<S: Store> Files<S> {
             let entry = Entry { event: event::FLIGHT.to_owned(), ..about(header, Some(&path)) };
             self.state.note(path);
             self.state.events_waiting.fetch_add(1, Ordering::Relaxed);
-            self.events.push_back(entry);
+            let is_stop = |waiting: &Entry| waiting.event == event::STOP;
+            let at = self.events.iter().position(is_stop).unwrap_or(self.events.len());
+            self.events.insert(at, entry);
             if let Some((_, mut ring)) = self.flights.pop_front() {
                 ring.clear();
                 // Nobody takes it any more when the daemon is ending.
@@ -343,6 +349,7 @@ impl<S: Store> Files<S> {
             let entry = Entry { event: event::FLIGHT_LOST.to_owned(), ..about(&header, None) };
             let _ = line(&entry).and_then(|line| self.store.append(&line));
         }
+        let _ = self.write_events();
         let events = self.events.len();
         if events > 0 {
             self.state.events_lost.fetch_add(events as u64, Ordering::Relaxed);

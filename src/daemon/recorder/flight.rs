@@ -19,8 +19,8 @@
 //!         4               CRC-32 of both
 //! ```
 //!
-//! A block is a sixteenth of a second at 1 kHz: what is lost with a damaged one. Its number is in its checksum,
-//! so that blocks cannot change places unseen.
+//! A block is a sixteenth of a second at 1 kHz: what is lost with a damaged one. Its number is in its
+//! checksum, so that blocks cannot change places unseen.
 
 use std::io::{self, Write};
 

@@ -1,10 +1,11 @@
 //! The journal: every event as one JSON object on one line of `events.jsonl`.
 //!
-//! A line goes to the kernel in one write, so that it survives the death of this process at any moment (not that
-//! of the machine: nothing is synchronised). The file is opened anew for every event, so that a folder that was
-//! removed, replaced or filled costs what could not be written and no more; events are rare. A file that would
-//! grow beyond 4 MiB is moved to `events.1.jsonl`, that one to `events.2.jsonl` and so on; the fifth is dropped, so
-//! that a journal takes 20 MiB at most. Several daemons may share a folder: lines are written under a lock.
+//! A line goes to the kernel in one write, so that it survives the death of this process at any moment (not
+//! that of the machine: nothing is synchronised). The file is opened anew for every event, so that a folder
+//! that was removed, replaced or filled costs what could not be written and no more; events are rare. A file
+//! that would grow beyond 4 MiB is moved to `events.1.jsonl`, that one to `events.2.jsonl` and so on; the
+//! fifth is dropped, so that a journal takes 20 MiB at most. Several daemons may share a folder: lines are
+//! written under a lock.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};

@@ -1,5 +1,5 @@
-//! The flight recorder: the last seconds of every cycle in memory, written out when something went wrong, and a
-//! journal of what happened.
+//! The flight recorder: the last seconds of every cycle in memory, written out when something went wrong, and
+//! a journal of what happened.
 //!
 //! ```text
 //!  loop ── one record a cycle, wait-free ──▶ telemetry thread ──────────────▶ files thread
@@ -10,10 +10,10 @@
 //! Terms: a *flight* is a file with the records of some seconds before and half a second after a trip; the
 //! *journal* is a text file with a line for every event; a *trip* is a stop that nobody wished for.
 //!
-//! Method: two rings are allocated and touched before the loop starts. One records; when a flight is due it is
-//! handed to the files thread as it is, and the other goes on. So nothing is copied and nothing waits. When the
-//! files cannot be written the ring, the queue of events and then nothing more is kept; each is counted, shown
-//! in the status, and tried again.
+//! Method: two rings are allocated and touched before the loop starts. One records; when a flight is due it
+//! is handed to the files thread as it is, and the other goes on. So nothing is copied and nothing waits.
+//! When the files cannot be written the ring, the queue of events and then nothing more is kept; each is
+//! counted, shown in the status, and tried again.
 //!
 //! What is absent: anything in the loop's thread; a wait of the telemetry thread for a file.
 //!
@@ -21,6 +21,7 @@
 //! |---|---|
 //! | `config` | `[daemon.recorder]` |
 //! | `columns` | what a record holds: one table that writes, names and explains it |
+//! | `refusal` | why poses or feedback were refused, as values of a record |
 //! | `ring` | the last records in one piece of memory |
 //! | `header`, `flight` | the file format, and its writer |
 //! | `reading` | its reader, as far as a damaged file goes |
@@ -41,13 +42,14 @@ mod header;
 mod journal;
 mod keeper;
 mod reading;
+mod refusal;
 mod ring;
 #[cfg(test)]
 mod tests;
 mod trigger;
 mod wall;
 
-pub use columns::{NONE, refusal_text};
+pub use columns::NONE;
 pub use config::RecorderConfig;
 pub use extract::{Extract, Extreme, Row, tangent_deg};
 pub use files::{RecorderState, Store};
@@ -56,3 +58,4 @@ pub use header::{Column, Header, Machine, Reason};
 pub use journal::{Entry, JOURNAL, JournalPage, JournalTail, event, journal_files, read_journal};
 pub use keeper::{Recorder, RecorderPlan};
 pub use reading::{Ending, Flight, FlightError, FlightLabel};
+pub use refusal::refusal_text;

@@ -1,6 +1,7 @@
 //! When a flight is due: half a second after a trip, or after the ramp that the trip began has ended.
 //!
-//! One flight an episode: a fault that follows a tripped ramp belongs to it. A stop that was wished for makes none.
+//! One flight an episode: a fault that follows a tripped ramp belongs to it. A stop that was wished for makes
+//! none.
 
 use std::time::Duration;
 

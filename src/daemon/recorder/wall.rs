@@ -1,7 +1,7 @@
 //! Times of day as people and other programs read them: RFC 3339, UTC, microseconds.
 //!
-//! Dates from days by Howard Hinnant, *chrono-compatible low-level date algorithms* (2013): years begin in March,
-//! so that the leap day comes last.
+//! Dates from days by Howard Hinnant, *chrono-compatible low-level date algorithms* (2013): years begin in
+//! March, so that the leap day comes last.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 

@@ -85,8 +85,8 @@ fn status(recorder: &Recorder) -> StatusMessage {
     status
 }
 
-/// Goal: with a full disk events and two faults wait in memory, a third is lost and counted, the status warns;
-/// with room again everything that waited is written, in order.
+/// Goal: with a full disk events and two faults wait in memory, a third is lost and counted, the status
+/// warns; with room again everything that waited is written, in order.
 #[test]
 fn a_full_disk_costs_nothing_but_what_memory_cannot_hold() {
     let disk = Fickle::default();
@@ -204,8 +204,8 @@ fn a_header() -> Header {
     super::labels(folder.path()).remove(0).header
 }
 
-/// Goal: the journal on the device that is always full: nothing is written, all is kept, and it is written once the journal
-/// may be an ordinary file.
+/// Goal: the journal on the device that is always full: nothing is written, all is kept, and it is written
+/// once the journal may be an ordinary file.
 #[test]
 fn a_journal_on_a_full_device_is_kept_in_memory_and_written_later() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -225,7 +225,8 @@ fn a_journal_on_a_full_device_is_kept_in_memory_and_written_later() {
     assert_eq!((told, page.damaged), (transitions, 0));
 }
 
-/// Goal: a folder that cannot be made, since its path leads through a file, is told, and used as soon as it can be.
+/// Goal: a folder that cannot be made, since its path leads through a file, is told, and used as soon as it
+/// can be.
 #[test]
 fn a_path_through_a_file_is_told_and_used_once_it_is_free() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -297,7 +298,8 @@ fn a_flight_that_failed_leaves_nothing_behind() {
     assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 0);
 }
 
-/// Goal: memory as stated: bounded whatever is configured, and enough for the configured time where the bound allows.
+/// Goal: memory as stated: bounded whatever is configured, and enough for the configured time where the bound
+/// allows.
 #[test]
 fn memory_is_bounded_whatever_is_configured() {
     let ring = |seconds: f64, rate_hz: f64| {

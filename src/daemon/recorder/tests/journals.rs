@@ -133,7 +133,8 @@ fn writers_that_share_a_folder_tear_and_lose_nothing() {
     assert_eq!(found.len() as u64, WRITERS * LINES);
 }
 
-/// Goal: a reader that looks now and then sees every line once, also when the file is moved away between two looks.
+/// Goal: a reader that looks now and then sees every line once, also when the file is moved away between two
+/// looks.
 #[test]
 fn a_follower_sees_every_line_once_across_rotations() {
     const FILE: u64 = 1_500;
