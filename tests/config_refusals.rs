@@ -189,6 +189,18 @@ const STEERING_CASES: &[Case] = &[
     Case { claim: "a missing time-out has no hidden default",
         change: ("model_stop_ms = 250.0\n", ""), line: "[daemon]",
         kind: Missing, key: "daemon.model_stop_ms", value: "", expected: "given in `daemon`" },
+    Case { claim: "a recorder that reaches too far back is refused with the range",
+        change: ("\nseconds = 10.0", "\nseconds = 61.0"), line: "seconds = 61.0",
+        kind: Value, key: "daemon.recorder.seconds", value: "61", expected: "from 1 to 60" },
+    Case { claim: "a recorder that keeps nothing is refused",
+        change: ("flights_max = 100", "flights_max = 0"), line: "flights_max",
+        kind: Value, key: "daemon.recorder.flights_max", value: "0", expected: "from 1 to 10000" },
+    Case { claim: "a recorder without a folder is refused",
+        change: ("folder = \"runs/daemon\"", "folder = \"\""), line: "folder",
+        kind: Value, key: "daemon.recorder.folder", value: "", expected: "the path of a folder" },
+    Case { claim: "a recorder has no hidden defaults",
+        change: ("\nseconds = 10.0", ""), line: "[daemon.recorder]",
+        kind: Missing, key: "daemon.recorder.seconds", value: "", expected: "given in `daemon.recorder`" },
 ];
 
 /// Each case with the right text that it changes.

@@ -87,6 +87,7 @@ impl Daemon {
                 endpoint: &endpoint,
                 driver_wait: PATIENCE,
                 arm,
+                recorder: None,
             };
             run(&plan, || controller, &stop_inside)
         });

@@ -26,6 +26,45 @@ pub mod verb {
     pub const ESTOP: u32 = 6;
     /// Steer towards [`super::OperatorRequest::direction`].
     pub const SET_TARGET: u32 = 7;
+    /// Write the last seconds of every cycle to a file.
+    pub const SAVE: u32 = 8;
+
+    /// The word a person reads for a verb.
+    #[must_use]
+    pub const fn name(verb: u32) -> &'static str {
+        match verb {
+            ARM => "arm",
+            GO => "go",
+            HOLD => "hold",
+            STOP => "stop",
+            RESET => "reset",
+            ESTOP => "estop",
+            SET_TARGET => "set-target",
+            SAVE => "save",
+            _ => "unknown",
+        }
+    }
+}
+
+/// How the flight recorder fares; the codes of [`StatusMessage::recorder`].
+pub mod recorder {
+    /// There is none.
+    pub const OFF: u32 = 0;
+    /// It records, and can write.
+    pub const RECORDING: u32 = 1;
+    /// It records, and cannot write: a warning, the loop goes on.
+    pub const FAILING: u32 = 2;
+
+    /// The word a person reads.
+    #[must_use]
+    pub const fn name(recorder: u32) -> &'static str {
+        match recorder {
+            OFF => "off",
+            RECORDING => "recording",
+            FAILING => "failing",
+            _ => "unknown",
+        }
+    }
 }
 
 /// States of the daemon; the codes of [`StatusMessage::state`].
@@ -226,6 +265,14 @@ pub struct StatusMessage {
     pub target_verdict: u32,
     /// 1 while the margin of stability is below the daemon's limit of warning.
     pub stability_low: u32,
+    /// One of [`recorder`].
+    pub recorder: u32,
+    /// Number of the system's error that keeps the recorder from writing, 0 without one.
+    pub recorder_error: u32,
+    /// Flights written since the daemon's start.
+    pub flights: u32,
+    /// Events and flights that are lost for good.
+    pub recorder_lost: u32,
     /// Target tangents as set by the operator, world.
     pub target_direction: [[f64; 3]; MAGNETS_MAX],
     /// Reference that the loop follows this cycle, world.

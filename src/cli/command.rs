@@ -9,6 +9,7 @@ use super::check::Check;
 #[cfg(feature = "sim")]
 use super::demo::Demo;
 use super::doctor::Doctor;
+use super::events::Events;
 use super::exit::Exit;
 use super::fault::Fault;
 use super::field::Field;
@@ -17,6 +18,7 @@ use super::output;
 use super::plan::Plan;
 use super::reach::Reach;
 use super::run::Run;
+use super::runs::Runs;
 use super::shape::Shape;
 #[cfg(feature = "sim")]
 use super::sim_plant::SimPlant;
@@ -50,6 +52,8 @@ pub enum Command {
     Campaign(Campaign),
     Run(Run),
     Status(Status),
+    Events(Events),
+    Runs(Runs),
     Target(Target),
     /// Take authority over the coils at zero current.
     Arm(RequestArgs),
@@ -84,6 +88,8 @@ impl Command {
             Self::Campaign(command) => command.run(),
             Self::Run(command) => command.run(),
             Self::Status(command) => command.run(),
+            Self::Events(command) => command.run(),
+            Self::Runs(command) => command.run(),
             Self::Target(command) => command.run(),
             Self::Arm(request) => request.run(verb::ARM),
             Self::Go(request) => request.run(verb::GO),

@@ -1,5 +1,6 @@
 //! `magsteer demo`: plant and daemon as two processes, the planar experiment, a table and two pictures.
 
+use std::ffi::OsStr;
 use std::io::Read;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -87,6 +88,7 @@ impl Demo {
                 let mut rig = Rig::start(&document, &config, &folder)?;
                 let played = rig.play(&experiment, &config.description, &stop);
                 let reports = rig.end();
+                reports.iter().for_each(|(daemon, _)| tell_flights(daemon));
                 // Why it could not be played says more than what the children made of that.
                 let played = played?;
                 let (daemon, plant) = reports?;
@@ -141,6 +143,16 @@ impl Demo {
     }
 }
 
+/// Says where the daemon wrote what it saw before it tripped.
+fn tell_flights(daemon: &RunReport) {
+    for flight in &daemon.flights {
+        output::note(format_args!(
+            "the daemon tripped; its last cycles: magsteer runs show {}",
+            flight.display()
+        ));
+    }
+}
+
 /// The end of a demonstration that was broken off.
 fn interrupted(stop: &StopFlag, daemon: &RunReport, plant: &PlantReport) -> Exit {
     if !plant.ended_currentless {
@@ -169,8 +181,10 @@ impl Rig {
         std::fs::write(&file, document.resolved().text).map_err(|error| cannot_create(&file, &error))?;
         let root = PrivateRoot::create("magsteer-demo").map_err(channel_failure)?;
         let endpoint = root.endpoint(&config.description.rig).map_err(channel_failure)?;
-        let plant = Process::start("sim-plant", &file, root.path(), folder)?;
-        let daemon = Process::start("run", &file, root.path(), folder)?;
+        let plant = Process::start("sim-plant", &file, root.path(), folder, &[])?;
+        let records = config.daemon.as_ref().is_some_and(|daemon| daemon.recorder.is_some());
+        let record: &[&OsStr] = if records { &["--record".as_ref(), folder.as_ref()] } else { &[] };
+        let daemon = Process::start("run", &file, root.path(), folder, record)?;
         Ok(Self { daemon, plant, endpoint, _root: root })
     }
 
@@ -238,7 +252,13 @@ struct Process {
 }
 
 impl Process {
-    fn start(name: &'static str, config: &Path, root: &Path, folder: &Path) -> anyhow::Result<Self> {
+    fn start(
+        name: &'static str,
+        config: &Path,
+        root: &Path,
+        folder: &Path,
+        arguments: &[&OsStr],
+    ) -> anyhow::Result<Self> {
         let log = folder.join(format!("{name}.log"));
         let messages = std::fs::File::create(&log).map_err(|error| cannot_create(&log, &error))?;
         let program = std::env::current_exe().context("cannot find this program")?;
@@ -248,6 +268,7 @@ impl Process {
             .arg("--root")
             .arg(root)
             .args(["--json", "--end-with-stdin"])
+            .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(messages)

@@ -299,6 +299,85 @@ pub fn scatters(path: &Path, measure: &str, panels: &[Scatter]) -> anyhow::Resul
     write(path, figure)
 }
 
+/// How a curve is drawn.
+#[derive(Debug, Clone, Copy)]
+pub enum Stroke {
+    /// In this colour, counted round and round.
+    Color(usize),
+    /// The same, dashed.
+    Dashed(usize),
+}
+
+/// One curve of a panel.
+pub struct Curve {
+    /// What it is.
+    pub name: String,
+    /// How it is drawn.
+    pub stroke: Stroke,
+    /// (s, value).
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Curves over one axis of time.
+pub struct Panel {
+    /// What goes upwards, with its unit.
+    pub label: String,
+    /// At least one; those without points are left out.
+    pub curves: Vec<Curve>,
+}
+
+/// Draws panels one below the other, over the same time; a line marks time zero.
+///
+/// # Errors
+/// When there is nothing to draw, or the picture cannot be rendered or written.
+pub fn stacked(path: &Path, title: &str, panels: &[Panel]) -> anyhow::Result<()> {
+    let drawn = |panel: &&Panel| panel.curves.iter().any(|curve| !curve.points.is_empty());
+    let panels: Vec<&Panel> = panels.iter().filter(drawn).collect();
+    let points = || panels.iter().flat_map(|panel| &panel.curves).flat_map(|curve| &curve.points);
+    let first = points().fold(f64::INFINITY, |least, point| least.min(point.0));
+    let last = points().fold(f64::NEG_INFINITY, |most, point| most.max(point.0));
+    if panels.is_empty() || first >= last {
+        return Err(anyhow!("{}: cannot be drawn: there is nothing to draw", path.display()));
+    }
+    let mut plots = Vec::new();
+    let mut layouts = Vec::new();
+    for (index, panel) in panels.iter().enumerate() {
+        let curves = panel.curves.iter().filter(|curve| !curve.points.is_empty());
+        let lines: Vec<Plot> = curves.map(line).collect();
+        let mut layout = Layout::auto_from_plots(&lines)
+            .with_x_label("time from the trip (s)")
+            .with_y_label(panel.label.clone())
+            .with_x_axis_min(first)
+            .with_x_axis_max(last)
+            .with_reference_line(ReferenceLine::vertical(0.0).with_color(COLORS[7]));
+        if index == 0 {
+            layout = layout.with_title(title).with_title_size(14);
+        }
+        layouts.push(layout);
+        plots.push(lines);
+    }
+    let figure = Figure::new(plots.len(), 1)
+        .with_plots(plots)
+        .with_layouts(layouts)
+        .with_cell_size(900.0, 230.0)
+        .with_padding(30.0)
+        .with_keep_panel_legends();
+    write(path, figure)
+}
+
+fn line(curve: &Curve) -> Plot {
+    let (Stroke::Color(color) | Stroke::Dashed(color)) = curve.stroke;
+    let line = LinePlot::new()
+        .with_data(curve.points.clone())
+        .with_color(COLORS[color % COLORS.len()])
+        .with_stroke_width(1.2)
+        .with_legend(curve.name.clone());
+    match curve.stroke {
+        Stroke::Color(_) => line.into(),
+        Stroke::Dashed(_) => line.with_dashed().into(),
+    }
+}
+
 fn panel(view: &SideView) -> Vec<Plot> {
     let line = |points: &[(f64, f64)], color: &str, width: f64| {
         LinePlot::new().with_data(points.to_vec()).with_color(color).with_stroke_width(width)

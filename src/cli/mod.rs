@@ -14,10 +14,15 @@ mod data_file;
 mod demo;
 mod doctor;
 mod ending;
+mod events;
 mod exit;
 mod fault;
 mod field;
-#[cfg(all(feature = "figures", feature = "sim"))]
+#[cfg(feature = "figures")]
+#[cfg_attr(
+    not(feature = "sim"),
+    expect(dead_code, reason = "pictures of demonstrations and campaigns are not drawn")
+)]
 mod figures;
 mod operator;
 mod output;
@@ -31,6 +36,7 @@ mod run;
 mod run_folder;
 #[cfg(all(feature = "figures", feature = "sim"))]
 mod run_pictures;
+mod runs;
 mod shape;
 mod shape_answer;
 mod shipped;

@@ -7,7 +7,8 @@ use std::time::Duration;
 use clap::Args;
 use magsteer::config::{Config, Document};
 use magsteer::control::Cycle;
-use magsteer::daemon::{LatencySummary, RunError, RunPlan, RunReport, StopFlag, run};
+use magsteer::daemon::recorder::RecorderPlan;
+use magsteer::daemon::{DaemonConfig, LatencySummary, RunError, RunPlan, RunReport, StopFlag, run};
 
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
@@ -31,6 +32,9 @@ pub struct Run {
     /// How long to wait for a driver, s.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     wait_s: f64,
+    /// Folder for flights and the journal, in place of that in [daemon.recorder].
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
     #[command(flatten)]
     root: RootArgs,
     /// Also end when standard input closes, for a daemon that must not outlive who started it.
@@ -55,6 +59,7 @@ impl Run {
             endpoint: &endpoint,
             driver_wait,
             arm: self.arm,
+            recorder: self.recorder(&document, daemon)?,
         };
         let stop = Arc::new(StopFlag::new());
         let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;
@@ -64,6 +69,18 @@ impl Run {
             Err(RunError::Channel(error)) => Err(channel_failure(error)),
             Err(error) => Err(Failure::with(Exit::Software, error)),
         }
+    }
+
+    /// What to record, where the configuration or the command line says.
+    fn recorder(&self, document: &Document, daemon: &DaemonConfig) -> anyhow::Result<Option<RecorderPlan>> {
+        let Some(mut config) = daemon.recorder.clone() else {
+            return match &self.record {
+                Some(_) => Err(Failure::usage("--record: the configuration has no table [daemon.recorder]")),
+                None => Ok(None),
+            };
+        };
+        self.record.iter().for_each(|folder| config.folder.clone_from(folder));
+        Ok(Some(RecorderPlan { config, config_sha256: document.resolved().sha256 }))
     }
 
     fn tell(&self, report: &RunReport, stop: &StopFlag) -> anyhow::Result<Exit> {
@@ -110,8 +127,10 @@ fn summary(report: &RunReport) -> String {
         row("pose to driver", &timing.pose_to_driver_us),
         row("round trip", &timing.round_trip_us),
     ];
+    let flights: String =
+        report.flights.iter().map(|flight| format!("flight: {}\n", flight.display())).collect();
     format!(
-        "ended {}{cause}\n{ramp}{} cycles at {} Hz, {} periods missed\n{:18} {:>10} {:>10} {:>10} {:>10} {:>10}\n{}",
+        "ended {}{cause}\n{ramp}{flights}{} cycles at {} Hz, {} periods missed\n{:18} {:>10} {:>10} {:>10} {:>10} {:>10}\n{}",
         report.state,
         timing.cycles,
         timing.rate_hz,

@@ -7,7 +7,7 @@ use clap::Args;
 use magsteer::daemon::TimingSummary;
 use magsteer::daemon::target::angle_from_z_deg;
 use magsteer_hal::Stamp;
-use magsteer_hal::operator::{StatusMessage, cause, state, verdict};
+use magsteer_hal::operator::{StatusMessage, cause, recorder, state, verdict};
 use serde::Serialize;
 
 use super::exit::{Exit, Failure};
@@ -41,7 +41,7 @@ pub struct Status {
 }
 
 /// The stable keys are `state`, `cause`, `cycle`, `rate_hz`, `targets_deg`, `measured_deg`, `currents_a`, `angles_deg`,
-/// `pose_age_us`, `missed`, `stability_margin`, `target_verdict`, `loop` and `last_minute`. Angles of
+/// `pose_age_us`, `missed`, `stability_margin`, `target_verdict`, `recorder`, `loop` and `last_minute`. Angles of
 /// tangents are those from global z; absent values are null.
 #[derive(Serialize)]
 struct Answer {
@@ -85,6 +85,14 @@ struct Answer {
     last_minute: Option<TimingSummary>,
     /// Cycles that neither of the two counts.
     records_dropped: u64,
+    /// "off", "recording" or "failing".
+    recorder: &'static str,
+    /// What keeps the recorder from writing.
+    recorder_error: Option<String>,
+    /// Written since the daemon's start.
+    flights: u32,
+    /// Events and flights that are lost for good.
+    recorder_lost: u32,
 }
 
 impl Status {
@@ -144,6 +152,10 @@ impl Answer {
             timing: TimingSummary::of_status(status),
             last_minute: TimingSummary::of_last_minute(status),
             records_dropped: status.records_dropped,
+            recorder: recorder::name(status.recorder),
+            recorder_error: (status.recorder_error != 0).then(|| system_error(status.recorder_error)),
+            flights: status.flights,
+            recorder_lost: status.recorder_lost,
         }
     }
 
@@ -156,7 +168,7 @@ impl Answer {
         let age = self.pose_age_us.map_or("none".to_owned(), |age| format!("{:.1} ms old", age * 1e-3));
         format!(
             "{}{cause}, cycle {}, {:.0} of {:.0} Hz, {} missed, late {:.0} us, poses {age}\n\
-            target   {} deg ({})\nmeasured {} deg\ncurrents {} A\nframes   {} deg\nmargin   {:.2}{}\n",
+            target   {} deg ({})\nmeasured {} deg\ncurrents {} A\nframes   {} deg\nmargin   {:.2}{}\n{}",
             self.state,
             self.cycle,
             self.rate_measured_hz,
@@ -170,6 +182,30 @@ impl Answer {
             numbers(&mut self.angles_deg.iter().copied().map(Some)),
             self.stability_margin,
             if self.stability_low { ": close to a snap-through" } else { "" },
+            self.recorder_text(),
         )
+    }
+
+    /// A line when there is something to know.
+    fn recorder_text(&self) -> String {
+        let mut text = String::new();
+        if let Some(error) = &self.recorder_error {
+            text += &format!("; cannot write: {error}");
+        }
+        if self.flights > 0 {
+            text += &format!("; {} flights written", self.flights);
+        }
+        if self.recorder_lost > 0 {
+            text += &format!("; {} events or flights lost", self.recorder_lost);
+        }
+        if text.is_empty() { text } else { format!("recorder {}{text}\n", self.recorder) }
+    }
+}
+
+/// What a number of the system's errors means.
+fn system_error(code: u32) -> String {
+    match i32::try_from(code) {
+        Ok(code) => std::io::Error::from_raw_os_error(code).to_string(),
+        Err(_) => "the system gives no reason".to_owned(),
     }
 }

@@ -9,6 +9,7 @@ use magsteer_hal::invalid::{Checks, Invalid};
 use serde::{Deserialize, Serialize};
 
 use super::clock::Pace;
+use super::recorder::RecorderConfig;
 
 /// What to do where the kernel does not grant real time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,7 +21,7 @@ pub enum RealtimePolicy {
     Enforce,
 }
 
-/// `[daemon]`. Every key is required but `cpu`.
+/// `[daemon]`. Every key is required but `cpu` and the table `recorder`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DaemonConfig {
@@ -99,6 +100,8 @@ pub struct DaemonConfig {
     pub spin_us: f64,
     /// Status messages a second, 1 to 1000.
     pub status_rate_hz: f64,
+    /// `[daemon.recorder]`; absent to record nothing.
+    pub recorder: Option<RecorderConfig>,
 }
 
 /// The limits that the supervisor judges by.
@@ -187,6 +190,7 @@ impl DaemonConfig {
         checks.require(cpu_fits, "daemon.cpu", self.cpu.unwrap_or(0), "from 0 to 1023");
         checks.within("daemon.spin_us", self.spin_us, 0.0, (500.0 * period_ms).clamp(0.0, 200.0));
         checks.within("daemon.status_rate_hz", self.status_rate_hz, 1.0, 1_000.0);
+        self.recorder.iter().for_each(|recorder| recorder.check(&mut checks));
         checks.into_result(()).err().unwrap_or_default()
     }
 
@@ -263,9 +267,9 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn every_key_but_cpu_is_required_and_unknown_keys_are_refused() {
+    fn every_key_but_cpu_and_recorder_is_required_and_unknown_keys_are_refused() {
         let read = |table: toml::Table| table.try_into::<DaemonConfig>();
-        for key in shipped_table().keys() {
+        for key in shipped_table().keys().filter(|key| *key != "recorder") {
             let mut without = shipped_table();
             without.remove(key);
             assert!(read(without).is_err(), "accepted without {key}");

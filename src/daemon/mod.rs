@@ -18,6 +18,7 @@
 //! | `statistics`, `timing_summary` | lossless histograms of timing by run and minute; their quantiles |
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
+//! | `recorder` | the last seconds of every cycle, written out after a trip; the journal of events |
 //! | `target` | targets and tangents as people write and read them |
 //! | `target_rules` | which targets a rig can take |
 //! | `lockstep` | the loop under stepped time: plays an experiment faster than real time |
@@ -34,6 +35,7 @@ pub mod kernel;
 pub mod lockstep;
 mod phases;
 mod receipt;
+pub mod recorder;
 mod run;
 mod run_digest;
 mod runner;

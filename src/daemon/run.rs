@@ -11,7 +11,7 @@
 //! ends with an error. When the telemetry thread panics the loop ramps down and the process ends with an error.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -28,6 +28,7 @@ use super::kernel::{
     RealtimeItem, RealtimeReport, RealtimeRequest, ThreadUsage, request_helper_realtime, request_ordinary,
     request_realtime,
 };
+use super::recorder::{Recorder, RecorderPlan, RecorderState};
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::Statistics;
 use super::telemetry::{Telemetry, TelemetryRings, log};
@@ -63,6 +64,8 @@ pub struct RunPlan<'a> {
     pub driver_wait: Duration,
     /// Arm as soon as the rig is ready.
     pub arm: bool,
+    /// What to record; `None` for nothing.
+    pub recorder: Option<RecorderPlan>,
 }
 
 /// Why a daemon did not run to a clean end.
@@ -113,6 +116,8 @@ pub struct RunReport {
     pub commands_refused: u64,
     /// Commands that broke a limit since the driver's start; a correct daemon causes none.
     pub limit_breaks: u64,
+    /// Flights that the recorder wrote.
+    pub flights: Vec<PathBuf>,
 }
 
 impl RunReport {
@@ -122,7 +127,7 @@ impl RunReport {
         self.state != state::name(state::FAULT)
     }
 
-    fn new(end: &LoopEnd, realtime: RealtimeReport, records_dropped: u64) -> Self {
+    fn new(end: &LoopEnd, realtime: RealtimeReport, records_dropped: u64, flights: Vec<PathBuf>) -> Self {
         Self {
             state: state::name(end.state).to_owned(),
             cause: end.cause.map(|cause| cause.text().to_owned()),
@@ -136,6 +141,7 @@ impl RunReport {
             records_dropped,
             commands_refused: end.commands_refused,
             limit_breaks: end.limit_breaks,
+            flights,
         }
     }
 }
@@ -152,6 +158,12 @@ pub fn run<S: Step + Send>(
     let services = find_driver(plan, stop)?;
     let operators = OperatorServices::create(plan.endpoint)?;
     let (loop_rings, telemetry_rings) = rings(plan.config);
+    // Its memory is there before the loop's thread locks what there is.
+    let recorder = plan.recorder.as_ref();
+    let recorder = recorder
+        .map(|recorder| Recorder::start(recorder, plan.description, plan.config.rate_hz))
+        .transpose()?;
+    let recorded = recorder.as_ref().map(Recorder::state);
     let counters = LoopCounters::default();
     let realtime = OnceLock::new();
     std::thread::scope(|scope| {
@@ -180,7 +192,7 @@ pub fn run<S: Step + Send>(
             std::thread::Builder::new().name("magsteer-comms".to_owned()).spawn_scoped(scope, || {
                 tell_refused(&request_ordinary(plan.config.cpu));
                 let server = operators.into_server()?;
-                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm)
+                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm, recorder)
                     .serve(&counters);
                 Ok(())
             });
@@ -204,7 +216,9 @@ pub fn run<S: Step + Send>(
         told?;
         let dropped = counters.records_dropped.load(Ordering::Relaxed);
         let granted = realtime.get().cloned().unwrap_or_default();
-        Ok(RunReport::new(&end?, RealtimeReport { threads, ..granted }, dropped))
+        let realtime = RealtimeReport { threads, ..granted };
+        let flights = recorded.as_deref().map(RecorderState::paths).unwrap_or_default();
+        Ok(RunReport::new(&end?, realtime, dropped, flights))
     })
 }
 

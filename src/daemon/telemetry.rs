@@ -17,6 +17,7 @@ use crate::control::ReferenceTarget;
 
 use super::config::DaemonConfig;
 use super::control_loop::CycleRecord;
+use super::recorder::Recorder;
 use super::runner::LoopCounters;
 use super::state::{Answer, Request, Verb};
 use super::view::{StatusView, TransitionLine};
@@ -48,6 +49,7 @@ pub struct TelemetryRings {
 #[derive(Debug)]
 struct Pending {
     id: u32,
+    verb: u32,
     incoming: IncomingRequest,
     since: Stamp,
 }
@@ -71,6 +73,7 @@ pub struct Telemetry {
     next_id: u32,
     arm_at_start: Option<ArmAtStart>,
     rig: Counts,
+    recorder: Option<Recorder>,
 }
 
 impl Telemetry {
@@ -82,6 +85,7 @@ impl Telemetry {
         description: &HardwareDescription,
         config: &DaemonConfig,
         arm: bool,
+        recorder: Option<Recorder>,
     ) -> Self {
         let now = Stamp::now();
         Self {
@@ -97,6 +101,7 @@ impl Telemetry {
                 magnets: u32::try_from(description.magnets().count()).unwrap_or(u32::MAX),
                 frames: u32::try_from(description.frames.len()).unwrap_or(u32::MAX),
             },
+            recorder,
         }
     }
 
@@ -105,6 +110,8 @@ impl Telemetry {
         loop {
             let ended = self.rings.records.is_abandoned();
             let now = Stamp::now();
+            let dropped = counters.records_dropped.load(Ordering::Relaxed);
+            self.recorder.iter_mut().for_each(|recorder| recorder.set_dropped(dropped));
             self.take_records();
             self.take_answers();
             self.take_requests(now);
@@ -121,6 +128,9 @@ impl Telemetry {
         if dropped > 0 {
             log(format_args!("{dropped} cycle records were dropped: this thread was starved"));
         }
+        if let Some(recorder) = self.recorder.take() {
+            recorder.end();
+        }
     }
 
     fn take_records(&mut self) {
@@ -131,6 +141,7 @@ impl Telemetry {
             if let Some(cause) = record.decision.given_up {
                 log(format_args!("target given up: {} (cause {})", cause.text(), cause.code()));
             }
+            self.recorder.iter_mut().for_each(|recorder| recorder.take(&record));
             self.view.take(&record);
         }
     }
@@ -141,6 +152,9 @@ impl Telemetry {
                 self.take_own_answer(&answer);
             } else if let Some(index) = self.pending.iter().position(|pending| pending.id == answer.id) {
                 let pending = self.pending.swap_remove(index);
+                if let (Some(recorder), Some(cause)) = (&self.recorder, answer.refused) {
+                    recorder.refused(pending.verb, cause);
+                }
                 reply(pending.incoming, message(&answer));
             }
         }
@@ -149,6 +163,10 @@ impl Telemetry {
     fn take_requests(&mut self, now: Stamp) {
         self.pending.retain(|pending| now.since(pending.since) <= ANSWER_PATIENCE);
         while let Some(incoming) = self.server.next_request() {
+            if incoming.request().verb == verb::SAVE {
+                self.save(incoming);
+                continue;
+            }
             match parse(incoming.request(), self.rig) {
                 Ok(verb) if self.pending.len() < PENDING_MAX => self.hand_over(verb, incoming, now),
                 Ok(_) => self.refuse(incoming, Cause::Busy),
@@ -161,12 +179,29 @@ impl Telemetry {
         let id = self.next_id;
         self.next_id = self.next_id.checked_add(1).unwrap_or(ARM_AT_START + 1);
         match self.rings.requests.push(Request { id, verb }) {
-            Ok(()) => self.pending.push(Pending { id, incoming, since: now }),
+            Ok(()) => {
+                let verb = incoming.request().verb;
+                self.pending.push(Pending { id, verb, incoming, since: now });
+            }
             Err(_) => self.refuse(incoming, Cause::Busy),
         }
     }
 
+    /// The loop has no part in this request.
+    fn save(&mut self, incoming: IncomingRequest) {
+        match self.recorder.as_mut().map_or(Err(Cause::NotRecording), Recorder::order) {
+            Ok(()) => {
+                let done = Answer { id: 0, refused: None, state: self.view.state(), epoch: 0 };
+                reply(incoming, message(&done));
+            }
+            Err(cause) => self.refuse(incoming, cause),
+        }
+    }
+
     fn refuse(&self, incoming: IncomingRequest, cause: Cause) {
+        if let Some(recorder) = &self.recorder {
+            recorder.refused(incoming.request().verb, cause);
+        }
         let refusal = Answer { id: 0, refused: Some(cause), state: self.view.state(), epoch: 0 };
         reply(incoming, message(&refusal));
     }
@@ -199,7 +234,8 @@ impl Telemetry {
     }
 
     fn publish(&mut self, now: Stamp, dropped: u64) {
-        if let Some(status) = self.view.message(dropped) {
+        if let Some(mut status) = self.view.message(dropped) {
+            self.recorder.iter().for_each(|recorder| recorder.tell(&mut status));
             // A view that nobody could be shown is no fault of the loop.
             let _ = self.server.publish_status(status, now);
         }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use magsteer_hal::message::Header;
-use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, state, verdict};
+use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, recorder, state, verdict};
 use magsteer_hal::{HardwareDescription, Stamp};
 
 use super::control_loop::CycleRecord;
@@ -113,6 +113,11 @@ impl StatusView {
             model_converged: u32::from(outcome.model.converged),
             target_verdict: verdict_code(&decision.verdict),
             stability_low: u32::from(decision.stability_low),
+            // Filled in by whoever has a recorder.
+            recorder: recorder::OFF,
+            recorder_error: 0,
+            flights: 0,
+            recorder_lost: 0,
             target_direction: record.target.directions,
             desired_direction: outcome.desired,
             measured_direction: outcome.measured,

@@ -57,6 +57,11 @@ impl World {
         Operator::open(&self.endpoint)
     }
 
+    /// Where daemons of this rig put flights and journal.
+    pub fn recordings(&self) -> PathBuf {
+        self.root.path().join("recordings")
+    }
+
     /// Longest way from the last obeyed command to zero in every coil, ms, from a current in A, of a plant that is never
     /// held up: the command's validity, the current at the allowed slew, and an allowance for what follows the set point.
     pub fn watchdog_ms(&self, current: f64) -> f64 {
@@ -91,6 +96,9 @@ impl Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
         command.arg(name).arg(&world.file).arg("--root").arg(world.root.path());
         command.args(["--json", "--end-with-stdin"]).args(arguments);
+        if name == "run" {
+            command.arg("--record").arg(world.recordings());
+        }
         Self::spawn(&mut command, log)
     }
 

@@ -114,6 +114,11 @@ priority = 80
 lock_memory = true
 spin_us = 0.0
 status_rate_hz = 100.0
+
+[daemon.recorder]
+folder = "runs/daemon"
+seconds = 10.0
+flights_max = 100
 "#;
 
 /// What is wrong with a text.

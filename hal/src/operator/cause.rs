@@ -61,6 +61,8 @@ causes! {
     TargetOutsideField = 10, "on the way to the target a magnet would leave the field model's range";
     /// The margin of stability fell below what is allowed: the currents are kept until another target is set.
     NearSnapThrough = 11, "held close to a snap-through until another target is set";
+    /// Records are asked for, and this daemon keeps none, or has none yet.
+    NotRecording = 20, "this daemon has no records to write";
 
     // 100 to 199: a wanted stop; ramp to zero, then idle.
     /// The operator asked for a stop.

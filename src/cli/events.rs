@@ -1,0 +1,157 @@
+//! `magsteer events`: the journal of a daemon.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::anyhow;
+use clap::Args;
+use magsteer::daemon::StopFlag;
+use magsteer::daemon::recorder::{Entry, JOURNAL, JournalTail, event, journal_files, read_journal};
+
+use super::ending::{exit_of, watching};
+use super::exit::{Exit, Failure};
+use super::output;
+
+/// Where the shipped configuration has flights and journal.
+pub const RECORDINGS: &str = "runs/daemon";
+/// Between two looks of `--follow`.
+const FOLLOW_PERIOD: Duration = Duration::from_millis(200);
+
+/// Show what happened: changes of state, targets given up, requests refused, flights written.
+///
+/// The newest event comes last. Ends with 66 when the folder has no journal, with 130 after Ctrl-C.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  magsteer events --last 20\n  magsteer events runs/daemon --json --follow"
+)]
+pub struct Events {
+    /// Folder of the journal.
+    #[arg(value_name = "FOLDER", default_value = RECORDINGS)]
+    folder: PathBuf,
+    /// Only the newest N.
+    #[arg(long, value_name = "N")]
+    last: Option<usize>,
+    /// Go on with what comes, until Ctrl-C.
+    #[arg(long)]
+    follow: bool,
+    /// Print one JSON object a line, as the journal has them.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Events {
+    pub fn run(&self) -> anyhow::Result<Exit> {
+        if !self.follow {
+            self.print_all()?;
+            return Ok(Exit::Success);
+        }
+        let stop = Arc::new(StopFlag::new());
+        watching(&stop, false, || (), || self.follow(&stop))?
+    }
+
+    /// Prints what there is.
+    fn print_all(&self) -> anyhow::Result<()> {
+        if journal_files(&self.folder).is_empty() {
+            let missing = anyhow!("{}: has no journal ({JOURNAL})", self.folder.display());
+            return Err(Failure::with(Exit::NoInput, missing));
+        }
+        let page = read_journal(&self.folder).map_err(|error| self.unreadable(&error))?;
+        let skipped = self.last.map_or(0, |last| page.entries.len().saturating_sub(last));
+        page.entries[skipped..].iter().try_for_each(|entry| self.print(entry))?;
+        self.note_damaged(page.damaged);
+        Ok(())
+    }
+
+    fn follow(&self, stop: &StopFlag) -> anyhow::Result<Exit> {
+        // Opened first: what is written between the two is printed twice rather than never.
+        let mut tail = JournalTail::at_end(&self.folder).map_err(|error| self.unreadable(&error))?;
+        if !journal_files(&self.folder).is_empty() {
+            self.print_all()?;
+        }
+        while stop.requested().is_none() {
+            let page = tail.look().map_err(|error| self.unreadable(&error))?;
+            page.entries.iter().try_for_each(|entry| self.print(entry))?;
+            self.note_damaged(page.damaged);
+            std::thread::sleep(FOLLOW_PERIOD);
+        }
+        Ok(exit_of(stop))
+    }
+
+    fn print(&self, entry: &Entry) -> anyhow::Result<()> {
+        if self.json {
+            return output::json(entry);
+        }
+        Ok(output::result(format_args!("{}\n", words(entry)))?)
+    }
+
+    fn note_damaged(&self, lines: u64) {
+        if lines > 0 {
+            output::note(format_args!("{}: {lines} lines are damaged and left out", self.folder.display()));
+        }
+    }
+
+    fn unreadable(&self, error: &std::io::Error) -> anyhow::Error {
+        unreadable(&self.folder, error)
+    }
+}
+
+/// A folder that cannot be read.
+pub fn unreadable(folder: &Path, error: &std::io::Error) -> anyhow::Error {
+    let exit = if error.kind() == std::io::ErrorKind::NotFound { Exit::NoInput } else { Exit::Io };
+    Failure::with(exit, anyhow!("{}: cannot be read: {error}", folder.display()))
+}
+
+/// `2026-11-22T09:14:19.012345Z bigmag-planar cycle 1234: active -> safe-stop: no fresh poses (cause 200)`.
+fn words(entry: &Entry) -> String {
+    let cycle = entry.cycle.map_or(String::new(), |cycle| format!(" cycle {cycle}"));
+    let mut words = format!("{} {}{cycle}: ", entry.time, entry.rig);
+    let (from, to) = (entry.from.as_deref(), entry.to.as_deref().unwrap_or("unknown"));
+    words += &match entry.event.as_str() {
+        event::TRANSITION => format!("{} -> {to}", from.unwrap_or("unknown")),
+        event::GIVEN_UP => "target given up".to_owned(),
+        event::REFUSED => format!("{} refused", entry.request.as_deref().unwrap_or("request")),
+        event::STOP => format!("ended {to}"),
+        event::FLIGHT => format!("flight {}", entry.file.as_deref().unwrap_or("")),
+        other => other.to_owned(),
+    };
+    if let (Some(cause), Some(code)) = (&entry.cause, entry.cause_code) {
+        words += &format!(": {cause} (cause {code})");
+    }
+    // A flight's details say again what its cause says.
+    if let Some(detail) = entry.detail.as_ref().filter(|_| entry.event != event::FLIGHT) {
+        words += &format!("; {detail}");
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use magsteer::daemon::recorder::{Entry, event};
+
+    use super::{RECORDINGS, words};
+
+    #[test]
+    fn the_folder_is_that_of_the_shipped_configuration() {
+        let shipped = include_str!("../../config/bigmag-planar.toml");
+        assert!(shipped.contains(&format!("folder = \"{RECORDINGS}\"")));
+    }
+
+    #[test]
+    fn an_event_is_one_line_with_its_cause() {
+        let entry = Entry {
+            time: "T".to_owned(),
+            rig: "rig".to_owned(),
+            cycle: Some(7),
+            event: event::TRANSITION.to_owned(),
+            from: Some("active".to_owned()),
+            to: Some("safe-stop".to_owned()),
+            cause_code: Some(200),
+            cause: Some("no fresh poses".to_owned()),
+            detail: Some("magnet 1 was not seen".to_owned()),
+            ..Entry::default()
+        };
+        let line = "T rig cycle 7: active -> safe-stop: no fresh poses (cause 200); magnet 1 was not seen";
+        assert_eq!(words(&entry), line);
+    }
+}
