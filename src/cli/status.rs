@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use magsteer::daemon::target::angle_from_z_deg;
 use magsteer_hal::Stamp;
-use magsteer_hal::operator::{StatusMessage, cause, state, verdict};
+use magsteer_hal::operator::{StatusMessage, cause, safe_action, state, verdict};
 use serde::Serialize;
 
 use super::exit::{Exit, Failure};
@@ -76,6 +76,19 @@ struct Answer {
     stability_low: bool,
     /// "unchecked", "checking", "clear", "out-of-reach" or "refused": what is known of the way to the target set last.
     target_verdict: &'static str,
+    /// True when monitors judge, but do not act.
+    passive: bool,
+    /// The worst cause for which a passive daemon would have stopped since it was armed or reset.
+    would_trip: Option<&'static str>,
+    would_trip_code: u32,
+    /// How often one began since its start.
+    would_trip_count: u64,
+    /// "ramp", "hold-then-ramp" or "disable": what a trip does with the currents.
+    safe_action: &'static str,
+    /// Heat of the hottest coil by its measured current; 1 is the limit.
+    coil_heat: f64,
+    /// True while it is to be warned of.
+    coil_hot: bool,
 }
 
 impl Status {
@@ -132,7 +145,30 @@ impl Answer {
             stability_margin: status.stability_margin,
             stability_low: status.stability_low == 1,
             target_verdict: verdict::name(status.target_verdict),
+            passive: status.passive == 1,
+            would_trip: (status.would_trip != 0).then(|| cause::text(status.would_trip)),
+            would_trip_code: status.would_trip,
+            would_trip_count: status.would_trip_count,
+            safe_action: safe_action::name(status.safe_action),
+            coil_heat: status.coil_heat,
+            coil_hot: status.coil_hot == 1,
         }
+    }
+
+    /// What people must not overlook; nothing when there is nothing.
+    fn guards(&self) -> String {
+        let mut lines = String::new();
+        if self.passive {
+            let worst = self.would_trip.unwrap_or("nothing");
+            let count = self.would_trip_count;
+            lines +=
+                &format!("PASSIVE  monitors do not act; would have stopped for: {worst} ({count} in all)\n");
+        }
+        if self.coil_hot {
+            lines +=
+                &format!("HOT      a coil holds {:.0} % of the heat that it may\n", 100.0 * self.coil_heat);
+        }
+        lines
     }
 
     fn text(&self) -> String {
@@ -144,7 +180,7 @@ impl Answer {
         let age = self.pose_age_us.map_or("none".to_owned(), |age| format!("{:.1} ms old", age * 1e-3));
         format!(
             "{}{cause}, cycle {}, {:.0} of {:.0} Hz, {} missed, late {:.0} us, poses {age}\n\
-            target   {} deg ({})\nmeasured {} deg\ncurrents {} A\nframes   {} deg\nmargin   {:.2}{}\n",
+            target   {} deg ({})\nmeasured {} deg\ncurrents {} A\nframes   {} deg\nmargin   {:.2}{}\n{}",
             self.state,
             self.cycle,
             self.rate_measured_hz,
@@ -158,6 +194,7 @@ impl Answer {
             numbers(&mut self.angles_deg.iter().copied().map(Some)),
             self.stability_margin,
             if self.stability_low { ": close to a snap-through" } else { "" },
+            self.guards(),
         )
     }
 }

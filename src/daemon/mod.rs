@@ -10,6 +10,9 @@
 //! | `supervisor` | decides the state and what the cycle may send |
 //! | `watch` | what is judged in a cycle, and which cause follows from it |
 //! | `trust` | whether driver and sensor can be believed, though what they say is fresh and well formed |
+//! | `causes` | what each cause makes of the daemon |
+//! | `monitors` | slow and narrow judgements: heat, open coils, implausible poses, want of progress |
+//! | `passive` | what monitors would have done, in passive mode |
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
 //! | `statistics` | lossless histograms of timing |
@@ -22,6 +25,7 @@
 //! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
+mod causes;
 mod clock;
 mod config;
 mod control_loop;
@@ -29,6 +33,8 @@ mod control_loop;
 mod control_loop_tests;
 pub mod kernel;
 pub mod lockstep;
+mod monitors;
+mod passive;
 mod run;
 mod run_digest;
 mod runner;
@@ -45,9 +51,12 @@ mod trust;
 mod view;
 mod watch;
 
+pub use causes::{Response, holds_currents, is_monitor, response};
 pub use clock::{Clock, Schedule, Tick};
-pub use config::{DaemonConfig, Limits, RealtimePolicy};
+pub use config::{DaemonConfig, Limits, Mode, RealtimePolicy, SafeAction};
 pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
+pub use monitors::{MonitorLimits, MonitorReport, Monitors, MonitorsConfig, Sample, SequenceCounts};
+pub use passive::Judgements;
 pub use run::{RunError, RunPlan, RunReport, run};
 pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
@@ -55,4 +64,4 @@ pub use state::{Answer, Directive, Request, State, Transition, Verb};
 pub use statistics::{CycleTiming, LatencySummary, Statistics, TimingSummary};
 pub use supervisor::{Decision, Supervisor};
 pub use trust::Astray;
-pub use watch::{DriverView, Observation, Response, response};
+pub use watch::{DriverView, Found, Observation};

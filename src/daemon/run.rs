@@ -26,6 +26,7 @@ use super::control_loop::{ControlLoop, LoopOptions};
 use super::kernel::{
     RealtimeItem, RealtimeReport, RealtimeRequest, request_helper_realtime, request_realtime,
 };
+use super::monitors::MonitorReport;
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::TimingSummary;
 use super::telemetry::{Telemetry, TelemetryRings, log};
@@ -105,6 +106,10 @@ pub struct RunReport {
     pub commands_refused: u64,
     /// Commands that broke a limit since the driver's start; a correct daemon causes none.
     pub limit_breaks: u64,
+    /// What the monitors counted.
+    pub monitors: MonitorReport,
+    /// How often a monitor would have tripped in passive mode.
+    pub would_trip_count: u64,
 }
 
 impl RunReport {
@@ -127,6 +132,8 @@ impl RunReport {
             records_dropped,
             commands_refused: end.commands_refused,
             limit_breaks: end.limit_breaks,
+            monitors: end.monitors,
+            would_trip_count: end.would_trip_count,
         }
     }
 }

@@ -131,6 +131,9 @@ impl Telemetry {
             if let Some(cause) = record.decision.given_up {
                 log(format_args!("target given up: {} (cause {})", cause.text(), cause.code()));
             }
+            if let Some(cause) = record.decision.judgements.begun {
+                log(format_args!("passive: would have tripped: {} (cause {})", cause.text(), cause.code()));
+            }
             self.view.take(&record);
         }
     }

@@ -79,6 +79,12 @@ fn layouts() -> String {
             model_converged,
             target_verdict,
             stability_low,
+            passive,
+            would_trip,
+            would_trip_count,
+            safe_action,
+            coil_hot,
+            coil_heat,
             target_direction,
             desired_direction,
             measured_direction,
@@ -114,7 +120,7 @@ mod tests {
             ("FaultRequest", 6 * 4 + 3 * 8),
             ("Quantiles", 4 * 8),
             ("LoopTiming", 8 + 4 * 32),
-            ("StatusMessage", 48 + 8 + 8 * 8 + 136 + 6 * 4 + 4 * 192 + 2 * 320),
+            ("StatusMessage", 48 + 8 + 8 * 8 + 136 + 8 * 4 + 8 + 2 * 4 + 8 + 4 * 192 + 2 * 320),
         ];
         let text = layouts();
         for (name, size) in sizes {
