@@ -47,6 +47,32 @@ priority = 10
 lock_memory = false
 spin_us = 0.0
 status_rate_hz = 100.0
+mode = "active"
+safe_action = "ramp"
+safe_hold_ms = 0.0
+
+[monitors]
+current_error_max_a = 100.0
+current_error_share = 0.05
+current_error_stop_ms = 10000.0
+open_current_a = 0.1
+open_share = 0.5
+open_stop_ms = 10000.0
+angle_error_max_deg = 5.0
+angle_error_stop_ms = 1000.0
+coil_current_continuous_a = 5.0
+coil_heat_time_constant_s = 400.0
+coil_heat_warn = 0.8
+workspace_margin_mm = 20.0
+pose_rate_max_deg_per_s = 2000.0
+pose_jump_max_deg = 5.0
+pose_speed_max_mm_per_s = 2000.0
+pose_jump_max_mm = 5.0
+model_error_max_deg = 180.0
+model_error_stop_ms = 2000.0
+progress_error_deg = 10.0
+progress_stop_ms = 20000.0
+controller_frozen_ms = 10000.0
 "#;
 
 /// Asks for constant currents; panics in its cycle when told to.

@@ -100,6 +100,27 @@ pub mod state {
     }
 }
 
+/// What a trip does with the currents; the codes of [`StatusMessage::safe_action`].
+pub mod safe_action {
+    /// Ramp to zero.
+    pub const RAMP: u32 = 0;
+    /// Keep them for a while, then ramp to zero.
+    pub const HOLD_THEN_RAMP: u32 = 1;
+    /// Cut the amplifiers.
+    pub const DISABLE: u32 = 2;
+
+    /// The word a person reads for an action, as configurations have it.
+    #[must_use]
+    pub const fn name(action: u32) -> &'static str {
+        match action {
+            RAMP => "ramp",
+            HOLD_THEN_RAMP => "hold-then-ramp",
+            DISABLE => "disable",
+            _ => "unknown",
+        }
+    }
+}
+
 /// What is known of the way to the target; the codes of [`StatusMessage::target_verdict`].
 pub mod verdict {
     /// Nobody looks: the daemon does not steer, or has no scout.
@@ -273,6 +294,18 @@ pub struct StatusMessage {
     pub flights: u32,
     /// Events and flights that are lost for good.
     pub recorder_lost: u32,
+    /// 1 in passive mode: monitors judge, but do not act.
+    pub passive: u32,
+    /// Code of the worst cause for which a passive daemon would have tripped since it was armed or reset, 0 without one.
+    pub would_trip: u32,
+    /// How often one began since its start.
+    pub would_trip_count: u64,
+    /// One of [`safe_action`].
+    pub safe_action: u32,
+    /// 1 while the heat of a coil is to be warned of.
+    pub coil_hot: u32,
+    /// Heat of the hottest coil, by its measured current: 0 when cold, 1 at the limit.
+    pub coil_heat: f64,
     /// Target tangents as set by the operator, world.
     pub target_direction: [[f64; 3]; MAGNETS_MAX],
     /// Reference that the loop follows this cycle, world.

@@ -260,6 +260,12 @@ impl Plant {
         self.ramp.last()
     }
 
+    /// The longest way to zero so far, from the last command that was obeyed; zero without any.
+    #[must_use]
+    pub fn longest_ramp(&self) -> Duration {
+        self.ramp.longest_from_last_command()
+    }
+
     /// True when no coil carries a current worth speaking of ([`crate::ramp::CURRENT_ZERO`]).
     #[must_use]
     pub fn is_currentless(&self) -> bool {

@@ -45,6 +45,8 @@ pub struct Summary {
     pub messages_unsent: u64,
     /// The last complete way to zero current after authority was lost.
     pub last_ramp: Option<Ramp>,
+    /// The longest of all, from the last command that was obeyed.
+    pub longest_ramp: Duration,
     /// True when the coils were at zero at the end.
     pub ended_currentless: bool,
     /// What faults by script did; `None` where they were not allowed.
@@ -89,10 +91,12 @@ pub fn run(
     };
     let mut stopped = None;
     loop {
+        // What held the process up while it worked counts as much as what held it up while it slept.
+        let due = deadline.after(wake);
         deadline = next_deadline(deadline, wake);
         thread::sleep(deadline.since(Stamp::now()));
         let now = Stamp::now();
-        running.lateness_max = running.lateness_max.max(now.since(deadline));
+        running.lateness_max = running.lateness_max.max(now.since(due));
         if stopped.is_none() && stop.load(Ordering::Relaxed) {
             stopped = Some(now);
         }
@@ -173,6 +177,7 @@ impl Loop<'_> {
             commands_refused: self.plant.guard().refusals().total(),
             messages_unsent: self.messages_unsent,
             last_ramp: self.plant.last_ramp(),
+            longest_ramp: self.plant.longest_ramp(),
             ended_currentless: self.plant.is_currentless(),
             faults: self.end.faults().map(Injector::counts),
         }

@@ -24,6 +24,7 @@ pub struct RampWatch {
     last_command: Option<Stamp>,
     lost: Option<Stamp>,
     last: Option<Ramp>,
+    longest_from_last_command: Duration,
 }
 
 impl RampWatch {
@@ -41,7 +42,14 @@ impl RampWatch {
         let Some(lost) = self.lost.filter(|_| is_zero(currents)) else { return };
         let since_command = self.last_command.map_or(Duration::ZERO, |command| now.since(command));
         self.last = Some(Ramp { from_loss: now.since(lost), from_last_command: since_command });
+        self.longest_from_last_command = self.longest_from_last_command.max(since_command);
         self.lost = None;
+    }
+
+    /// The longest complete way to zero, from the last command that was obeyed.
+    #[must_use]
+    pub fn longest_from_last_command(&self) -> Duration {
+        self.longest_from_last_command
     }
 
     /// The last complete way to zero.

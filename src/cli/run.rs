@@ -8,7 +8,7 @@ use clap::Args;
 use magsteer::config::{Config, Document};
 use magsteer::control::Cycle;
 use magsteer::daemon::recorder::RecorderPlan;
-use magsteer::daemon::{DaemonConfig, LatencySummary, RunError, RunPlan, RunReport, StopFlag, run};
+use magsteer::daemon::{DaemonConfig, LatencySummary, Mode, RunError, RunPlan, RunReport, StopFlag, run};
 
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
@@ -29,6 +29,10 @@ pub struct Run {
     /// Arm as soon as the rig is ready; `go` is still needed to steer.
     #[arg(long)]
     arm: bool,
+    /// For commissioning: monitors judge, log and count, but do not act, whatever the file says. The driver's own watch,
+    /// over-current, lost authority and the emergency stop act all the same.
+    #[arg(long)]
+    passive: bool,
     /// How long to wait for a driver, s.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     wait_s: f64,
@@ -50,12 +54,15 @@ impl Run {
         let wait = Duration::try_from_secs_f64(self.wait_s);
         let driver_wait = wait.map_err(|error| Failure::usage(format_args!("--wait-s: {error}")))?;
         let (document, config) = Config::load(&self.file)?;
-        let daemon = document.require("daemon", &config.daemon)?;
+        let mut daemon = document.require("daemon", &config.daemon)?.clone();
+        if self.passive {
+            daemon.mode = Mode::Passive;
+        }
         let controller = controller(&document, &config)?;
         let endpoint = self.root.endpoint(&config.description.rig)?;
         let plan = RunPlan {
             description: &config.description,
-            config: daemon,
+            config: &daemon,
             endpoint: &endpoint,
             driver_wait,
             arm: self.arm,

@@ -77,6 +77,9 @@ pub struct PlantReport {
     pub ramp_down_ms: Option<f64>,
     /// The same, from the last command that was obeyed.
     pub ramp_down_from_last_command_ms: Option<f64>,
+    /// The longest of all ways to zero, from the last command that was obeyed; 0 when there was none.
+    #[serde(default)]
+    pub ramp_down_longest_ms: f64,
     /// What faults did; absent when they were not allowed.
     #[serde(default)]
     pub faults: Option<FaultReport>,
@@ -147,6 +150,7 @@ impl PlantReport {
             ramp_down_from_last_command_ms: summary
                 .last_ramp
                 .map(|ramp| milliseconds(ramp.from_last_command)),
+            ramp_down_longest_ms: milliseconds(summary.longest_ramp),
             faults: summary.faults.as_ref().map(FaultReport::of),
             ended_currentless: summary.ended_currentless,
         }

@@ -7,7 +7,7 @@ use clap::Args;
 use magsteer::daemon::TimingSummary;
 use magsteer::daemon::target::angle_from_z_deg;
 use magsteer_hal::Stamp;
-use magsteer_hal::operator::{StatusMessage, cause, recorder, state, verdict};
+use magsteer_hal::operator::{StatusMessage, cause, recorder, safe_action, state, verdict};
 use serde::Serialize;
 
 use super::exit::{Exit, Failure};
@@ -93,6 +93,19 @@ struct Answer {
     flights: u32,
     /// Events and flights that are lost for good.
     recorder_lost: u32,
+    /// True when monitors judge, but do not act.
+    passive: bool,
+    /// The worst cause for which a passive daemon would have stopped since it was armed or reset.
+    would_trip: Option<&'static str>,
+    would_trip_code: u32,
+    /// How often one began since its start.
+    would_trip_count: u64,
+    /// "ramp", "hold-then-ramp" or "disable": what a trip does with the currents.
+    safe_action: &'static str,
+    /// Heat of the hottest coil by its measured current; 1 is the limit.
+    coil_heat: f64,
+    /// True while it is to be warned of.
+    coil_hot: bool,
 }
 
 impl Status {
@@ -156,7 +169,30 @@ impl Answer {
             recorder_error: (status.recorder_error != 0).then(|| system_error(status.recorder_error)),
             flights: status.flights,
             recorder_lost: status.recorder_lost,
+            passive: status.passive == 1,
+            would_trip: (status.would_trip != 0).then(|| cause::text(status.would_trip)),
+            would_trip_code: status.would_trip,
+            would_trip_count: status.would_trip_count,
+            safe_action: safe_action::name(status.safe_action),
+            coil_heat: status.coil_heat,
+            coil_hot: status.coil_hot == 1,
         }
+    }
+
+    /// What people must not overlook; nothing when there is nothing.
+    fn guards(&self) -> String {
+        let mut lines = String::new();
+        if self.passive {
+            let worst = self.would_trip.unwrap_or("nothing");
+            let count = self.would_trip_count;
+            lines +=
+                &format!("PASSIVE  monitors do not act; would have stopped for: {worst} ({count} in all)\n");
+        }
+        if self.coil_hot {
+            lines +=
+                &format!("HOT      a coil holds {:.0} % of the heat that it may\n", 100.0 * self.coil_heat);
+        }
+        lines
     }
 
     fn text(&self) -> String {
@@ -182,6 +218,7 @@ impl Answer {
             numbers(&mut self.angles_deg.iter().copied().map(Some)),
             self.stability_margin,
             if self.stability_low { ": close to a snap-through" } else { "" },
+            self.guards(),
             self.recorder_text(),
         )
     }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::clock::Pace;
 use super::recorder::RecorderConfig;
+use super::monitors::MonitorsConfig;
 
 /// What to do where the kernel does not grant real time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -19,6 +20,42 @@ pub enum RealtimePolicy {
     BestEffort,
     /// Refuse to arm.
     Enforce,
+}
+
+/// Whether monitors act.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// They stop the daemon.
+    Active,
+    /// They judge and tell, for commissioning; what is no monitor's acts all the same.
+    Passive,
+}
+
+/// What a trip does with the currents. What an operator orders ramps to zero in any case, and a driver that hears
+/// nothing valid ramps to zero by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SafeAction {
+    /// Ramp to zero within the slew limit: the rod sags to its unloaded shape within some tenths of a second.
+    Ramp,
+    /// Keep the currents for `safe_hold_ms`, then ramp: the rod stays where it is while someone decides. Only for
+    /// causes that leave the currents known and harmless; others ramp at once.
+    HoldThenRamp,
+    /// Cut the amplifiers: the currents fall as fast as the coils let them, and the rod with them.
+    Disable,
+}
+
+impl SafeAction {
+    /// The code that messages carry: one of [`magsteer_hal::operator::safe_action`].
+    #[must_use]
+    pub const fn code(self) -> u32 {
+        match self {
+            Self::Ramp => magsteer_hal::operator::safe_action::RAMP,
+            Self::HoldThenRamp => magsteer_hal::operator::safe_action::HOLD_THEN_RAMP,
+            Self::Disable => magsteer_hal::operator::safe_action::DISABLE,
+        }
+    }
 }
 
 /// `[daemon]`. Every key is required but `cpu` and the table `recorder`.
@@ -102,6 +139,15 @@ pub struct DaemonConfig {
     pub status_rate_hz: f64,
     /// `[daemon.recorder]`; absent to record nothing.
     pub recorder: Option<RecorderConfig>,
+    /// `"active"` or `"passive"`.
+    pub mode: Mode,
+    /// `"ramp"`, `"hold-then-ramp"` or `"disable"`.
+    pub safe_action: SafeAction,
+    /// How long `"hold-then-ramp"` keeps the currents, ms, 0 to 60000: as long as coils and rod bear it, and as someone
+    /// takes to decide.
+    pub safe_hold_ms: f64,
+    /// `[daemon.monitors]`
+    pub monitors: MonitorsConfig,
 }
 
 /// The limits that the supervisor judges by.
@@ -135,6 +181,8 @@ pub struct Limits {
     pub ramp_timeout: Duration,
     /// Currents below this count as zero, A.
     pub ramp_done: f64,
+    /// Currents are held for so long before a ramp.
+    pub safe_hold: Duration,
     /// Claim unconfirmed for longer: refuse to arm.
     pub arm_timeout: Duration,
     /// Validity of a command; writes failing for longer: stop.
@@ -166,6 +214,7 @@ impl DaemonConfig {
             ("stability_stop_ms", self.stability_stop_ms, 1.0, 5_000.0),
             ("ramp_timeout_ms", self.ramp_timeout_ms, 10.0, 10_000.0),
             ("arm_timeout_ms", self.arm_timeout_ms, 1.0, 150.0),
+            ("safe_hold_ms", self.safe_hold_ms, 0.0, 60_000.0),
             ("overrun_window_ms", self.overrun_window_ms, 10.0 * period_ms, 10_000.0),
         ];
         for (key, value, least, most) in ranges {
@@ -191,6 +240,7 @@ impl DaemonConfig {
         checks.within("daemon.spin_us", self.spin_us, 0.0, (500.0 * period_ms).clamp(0.0, 200.0));
         checks.within("daemon.status_rate_hz", self.status_rate_hz, 1.0, 1_000.0);
         self.recorder.iter().for_each(|recorder| recorder.check(&mut checks));
+        self.monitors.check(&mut checks);
         checks.into_result(()).err().unwrap_or_default()
     }
 
@@ -232,6 +282,7 @@ impl DaemonConfig {
             stability_stop_time: milliseconds(self.stability_stop_ms),
             ramp_timeout: milliseconds(self.ramp_timeout_ms),
             ramp_done: self.ramp_done_a,
+            safe_hold: milliseconds(self.safe_hold_ms),
             arm_timeout: milliseconds(self.arm_timeout_ms),
             command_validity: milliseconds(self.command_validity_ms),
             overrun_fraction: self.overrun_fraction,
@@ -286,7 +337,7 @@ pub(super) mod tests {
     #[test]
     fn each_bad_value_is_named_by_its_key() {
         type Edit = fn(&mut DaemonConfig);
-        let cases: [(&str, Edit); 34] = [
+        let cases: [(&str, Edit); 50] = [
             ("rate_hz", |config| config.rate_hz = 49.0),
             ("rate_hz", |config| config.rate_hz = 10_001.0),
             ("rate_hz", |config| config.rate_hz = f64::NAN),
@@ -321,6 +372,24 @@ pub(super) mod tests {
             ("spin_us", |config| config.spin_us = f64::NAN),
             ("spin_us", |config| (config.spin_us, config.rate_hz) = (51.0, 10_000.0)),
             ("status_rate_hz", |config| config.status_rate_hz = 0.0),
+            ("safe_hold_ms", |config| config.safe_hold_ms = -1.0),
+            ("monitors.current_error_max_a", |config| config.monitors.current_error_max_a = 0.0),
+            ("monitors.current_error_share", |config| config.monitors.current_error_share = 1.5),
+            ("monitors.open_current_a", |config| config.monitors.open_current_a = f64::NAN),
+            ("monitors.open_share", |config| config.monitors.open_share = 1.0),
+            ("monitors.open_stop_ms", |config| config.monitors.open_stop_ms = 0.0),
+            ("monitors.angle_error_max_deg", |config| config.monitors.angle_error_max_deg = 0.0),
+            ("monitors.coil_current_continuous_a", |config| config.monitors.coil_current_continuous_a = 0.0),
+            ("monitors.coil_heat_time_constant_s", |config| config.monitors.coil_heat_time_constant_s = 0.0),
+            ("monitors.coil_heat_warn", |config| config.monitors.coil_heat_warn = 1.0),
+            ("monitors.workspace_margin_mm", |config| config.monitors.workspace_margin_mm = -1.0),
+            ("monitors.pose_rate_max_deg_per_s", |config| {
+                config.monitors.pose_rate_max_deg_per_s = f64::INFINITY
+            }),
+            ("monitors.pose_jump_max_mm", |config| config.monitors.pose_jump_max_mm = -0.1),
+            ("monitors.model_error_max_deg", |config| config.monitors.model_error_max_deg = 181.0),
+            ("monitors.progress_stop_ms", |config| config.monitors.progress_stop_ms = 0.0),
+            ("monitors.controller_frozen_ms", |config| config.monitors.controller_frozen_ms = 0.0),
         ];
         for (key, edit) in cases {
             let mut config = shipped();

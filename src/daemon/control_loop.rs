@@ -23,6 +23,7 @@ use super::clock::Tick;
 use super::config::DaemonConfig;
 use super::phases::{Phase, PhaseTimes, PhaseWatch, Untimed};
 use super::receipt::{Receipt, Receipts};
+use super::monitors::{MonitorReport, Sample};
 use super::state::{Directive, Request, State};
 use super::statistics::CycleTiming;
 use super::supervisor::{Decision, Supervisor};
@@ -138,6 +139,8 @@ pub struct ControlLoop<H, S> {
     frozen: Directions,
     previous_now: Option<Stamp>,
     receipts: Receipts,
+    /// Exposure of the poses of the previous cycle.
+    pose_before: Option<Stamp>,
     write_failed: bool,
     description_mismatch: bool,
 }
@@ -176,7 +179,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         Self {
             hardware,
             controller,
-            supervisor: Supervisor::new(limits, description, options.realtime_missing),
+            supervisor: Supervisor::new(config, description, options.realtime_missing),
             gate: Gate::new(description),
             rig,
             request: None,
@@ -185,6 +188,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             frozen: Directions::default(),
             previous_now: None,
             receipts: Receipts::new(),
+            pose_before: None,
             write_failed: false,
             description_mismatch: false,
         }
@@ -234,6 +238,12 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
     #[must_use]
     pub fn has_ended(&self, now: Stamp) -> bool {
         self.supervisor.has_ended(now)
+    }
+
+    /// What the monitors counted.
+    #[must_use]
+    pub fn monitors(&self) -> MonitorReport {
+        self.supervisor.monitors()
     }
 
     /// The hardware, for code that looks at it in lockstep.
@@ -294,6 +304,27 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             request_finite: self.rig.is_finite(&outcome.request),
             write_failed: self.write_failed,
             commanded_zero: self.gate.is_at_zero(),
+            sample: self.sample(sensed, outcome),
+        }
+    }
+
+    fn sample(&mut self, sensed: &Sensed, outcome: &CycleOutcome) -> Sample {
+        let pose_stamp = sensed.pose.last.map(|pose| pose.header.source_stamp());
+        let before = std::mem::replace(&mut self.pose_before, pose_stamp);
+        let interval = pose_stamp.zip(before).map(|(now, before)| now.since(before));
+        Sample {
+            pose: sensed.pose.last,
+            pose_is_fresh: sensed.pose.fresh,
+            pose_interval: interval.unwrap_or_default(),
+            pose_refused: sensed.pose.refused,
+            feedback: sensed.feedback.last.filter(|_| sensed.feedback.fresh).map(|feedback| feedback.header),
+            feedback_refused: sensed.feedback.refused,
+            measured: sensed.feedback.last.map(|feedback| feedback.measured),
+            commanded: *self.gate.previous(),
+            seen_by_controller: outcome.measured,
+            target: outcome.in_force.directions,
+            saturated: outcome.saturated,
+            engaged: self.supervisor.state().is_engaged(),
         }
     }
 

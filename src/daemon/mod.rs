@@ -10,6 +10,9 @@
 //! | `supervisor` | decides the state and what the cycle may send |
 //! | `watch` | what is judged in a cycle, and which cause follows from it |
 //! | `trust` | whether driver and sensor can be believed, though what they say is fresh and well formed |
+//! | `causes` | what each cause makes of the daemon |
+//! | `monitors` | slow and narrow judgements: heat, open coils, implausible poses, want of progress |
+//! | `passive` | what monitors would have done, in passive mode |
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
 //! | `phases` | where in a cycle its time goes |
@@ -26,6 +29,7 @@
 //! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
+mod causes;
 mod clock;
 mod config;
 mod control_loop;
@@ -36,6 +40,8 @@ pub mod lockstep;
 mod phases;
 mod receipt;
 pub mod recorder;
+mod monitors;
+mod passive;
 mod run;
 mod run_digest;
 mod runner;
@@ -54,11 +60,11 @@ mod trust;
 mod view;
 mod watch;
 
-pub use clock::{Clock, Pace, Schedule, Tick};
-pub use config::{DaemonConfig, Limits, RealtimePolicy};
-pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
-pub use phases::{Phase, PhaseTimes, PhaseWatch, StopWatch, Untimed};
-pub use receipt::Receipt;
+mod monitors;
+mod passive;
+mod phases;
+mod receipt;
+pub mod recorder;
 pub use run::{RunError, RunPlan, RunReport, run};
 pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
@@ -67,4 +73,4 @@ pub use statistics::{CycleTiming, MinuteStatistics, Statistics};
 pub use supervisor::{Decision, Supervisor};
 pub use timing_summary::{LatencySummary, PhaseSummary, TimingSummary};
 pub use trust::Astray;
-pub use watch::{DriverView, Observation, Response, response};
+pub use watch::{DriverView, Found, Observation};

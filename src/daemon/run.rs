@@ -29,6 +29,7 @@ use super::kernel::{
     request_realtime,
 };
 use super::recorder::{Recorder, RecorderPlan, RecorderState};
+use super::monitors::MonitorReport;
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::Statistics;
 use super::telemetry::{Telemetry, TelemetryRings, log};
@@ -118,6 +119,10 @@ pub struct RunReport {
     pub limit_breaks: u64,
     /// Flights that the recorder wrote.
     pub flights: Vec<PathBuf>,
+    /// What the monitors counted.
+    pub monitors: MonitorReport,
+    /// How often a monitor would have tripped in passive mode.
+    pub would_trip_count: u64,
 }
 
 impl RunReport {
@@ -142,6 +147,8 @@ impl RunReport {
             commands_refused: end.commands_refused,
             limit_breaks: end.limit_breaks,
             flights,
+            monitors: end.monitors,
+            would_trip_count: end.would_trip_count,
         }
     }
 }

@@ -14,6 +14,7 @@ use super::clock::{Clock, Pace};
 use super::control_loop::{ControlLoop, CycleRecord};
 use super::kernel::{self, ThreadUsage};
 use super::phases::StopWatch;
+use super::monitors::MonitorReport;
 use super::state::{Answer, Request, Verb};
 use super::statistics::Statistics;
 use super::timing_summary::TimingSummary;
@@ -94,6 +95,10 @@ pub struct LoopEnd {
     pub commands_refused: u64,
     /// Commands that broke a limit since the driver's start, as it says.
     pub limit_breaks: u64,
+    /// What the monitors counted.
+    pub monitors: MonitorReport,
+    /// How often a monitor would have tripped in passive mode.
+    pub would_trip_count: u64,
 }
 
 /// Measures ramps to zero from one cycle to the next.
@@ -160,6 +165,8 @@ pub fn run_loop<H: Hardware, S: Step>(
                 cause: record.decision.cause,
                 commands_refused: feedback.commands_refused,
                 limit_breaks: feedback.limit_breaks,
+                monitors: control_loop.monitors(),
+                would_trip_count: record.decision.judgements.count,
             };
         }
     }

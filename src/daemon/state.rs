@@ -52,10 +52,12 @@ pub enum State {
         /// True from when the margin of stability fell below what is allowed until another target is set.
         near_snap: bool,
     },
-    /// Ramping to zero; ends on measured current.
+    /// On the way to zero, as `safe_action` has it; ends on measured current.
     SafeStop {
-        /// When the ramp began.
+        /// When the stop began.
         since: Stamp,
+        /// Until when the currents are held; the ramp begins then.
+        hold_until: Stamp,
         /// Worst cause so far.
         cause: Cause,
     },

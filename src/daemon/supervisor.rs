@@ -7,6 +7,8 @@
 //! What is absent: a clock, a channel, a log, an allocation. Nothing leaves `Fault` without a reset, and
 //! nothing enters `Active` without a `go`, but for a return from a brief loss of sensing.
 
+use std::time::Duration;
+
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::Stamp;
 use magsteer_hal::message::driver_state;
@@ -15,10 +17,13 @@ use magsteer_hal::operator::Cause;
 use crate::control::plan::Obstacle;
 use crate::control::{ReferenceTarget, Verdict};
 
-use super::config::Limits;
+use super::causes::{Response, holds_currents, response};
+use super::config::{DaemonConfig, Mode, SafeAction};
+use super::monitors::MonitorReport;
+use super::passive::Judgements;
 use super::state::{ANSWERS_MAX, Answer, Answers, Directive, Request, State, Transition, Verb};
 use super::target_rules::TargetRules;
-use super::watch::{DriverView, Observation, Response, Watch, response};
+use super::watch::{DriverView, Observation, Watch};
 
 /// What the supervisor decided in one cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +50,16 @@ pub struct Decision {
     pub verdict: Verdict,
     /// True while the margin of stability is to be warned of.
     pub stability_low: bool,
+    /// True in passive mode.
+    pub passive: bool,
+    /// What monitors came to in passive mode.
+    pub judgements: Judgements,
+    /// What a trip does with the currents.
+    pub safe_action: SafeAction,
+    /// Heat of the hottest coil, 1 at its limit.
+    pub coil_heat: f64,
+    /// True while it is to be warned of.
+    pub coil_hot: bool,
 }
 
 /// The state machine of the daemon.
@@ -63,15 +78,17 @@ pub struct Supervisor {
     target_rules: TargetRules,
     realtime_missing: bool,
     ending: bool,
+    safe_action: SafeAction,
+    judgements: Judgements,
 }
 
 impl Supervisor {
     /// Starts in `Boot`. `realtime_missing`: real time is enforced and was not granted.
     #[must_use]
-    pub fn new(limits: Limits, rig: &HardwareDescription, realtime_missing: bool) -> Self {
+    pub fn new(config: &DaemonConfig, rig: &HardwareDescription, realtime_missing: bool) -> Self {
         Self {
             state: State::Boot,
-            watch: Watch::new(limits),
+            watch: Watch::new(config, rig),
             target_rules: TargetRules::new(rig),
             cause: None,
             verdict: Verdict::Unchecked,
@@ -79,6 +96,8 @@ impl Supervisor {
             release_until: Stamp::default(),
             realtime_missing,
             ending: false,
+            safe_action: config.safe_action,
+            judgements: Judgements::default(),
         }
     }
 
@@ -94,13 +113,21 @@ impl Supervisor {
         self.epoch
     }
 
+    /// What the monitors counted.
+    #[must_use]
+    pub fn monitors(&self) -> MonitorReport {
+        self.watch.report()
+    }
+
     /// Judges one cycle.
     pub fn step(&mut self, seen: &Observation, request: Option<Request>) -> Decision {
         let before = self.state;
         let mut answers = Answers::default();
         let mut target = None;
         self.watch.observe(seen);
-        if let Some(cause) = self.watch.trip(&self.state, self.epoch, seen) {
+        let found = self.watch.trip(&self.state, self.epoch, seen);
+        self.judgements.take(found.judged);
+        if let Some(cause) = found.acts {
             self.trip(cause, seen.now, &mut answers);
         }
         let given_up = self.give_up(seen);
@@ -178,8 +205,9 @@ impl Supervisor {
         let why = if lost { self.watch.lost_sensing(seen) } else { self.cause };
         let transition =
             changed.then(|| Transition { from: before.code(), to: self.state.code(), cause: why });
+        let (coil_heat, coil_hot) = self.watch.heat();
         Decision {
-            directive: self.directive(before),
+            directive: self.directive(before, seen.now),
             epoch: self.epoch,
             state: self.state.code(),
             cause,
@@ -190,10 +218,15 @@ impl Supervisor {
             given_up: None,
             verdict: self.verdict,
             stability_low: self.watch.warns_of_stability(),
+            passive: self.watch.mode() == Mode::Passive,
+            judgements: self.judgements,
+            safe_action: self.safe_action,
+            coil_heat,
+            coil_hot,
         }
     }
 
-    fn directive(&self, before: &State) -> Directive {
+    fn directive(&self, before: &State, now: Stamp) -> Directive {
         let released = if self.epoch == 0 { Directive::Silent } else { Directive::Release };
         match self.state {
             State::Boot => Directive::Silent,
@@ -204,6 +237,8 @@ impl Supervisor {
             state if state.is_engaged() && before.is_engaged() => Directive::Follow,
             // Without sensing, near a snap-through, and in the cycle after, whose request was made without steering.
             State::Active | State::Holding { .. } => Directive::Hold,
+            State::SafeStop { cause, .. } if self.cuts(cause) => Directive::Disable,
+            State::SafeStop { hold_until, .. } if now < hold_until => Directive::Hold,
             State::SafeStop { .. } => Directive::RampDown,
             State::Fault { cause } if response(cause) == Response::Disable => Directive::Disable,
             State::Fault { .. } => released,
@@ -218,9 +253,23 @@ impl Supervisor {
         match (self.state, response(cause)) {
             (State::Fault { cause: present }, _) if present >= cause => {}
             (State::Fault { .. }, _) | (_, Response::Disable) => self.enter_fault(cause, now),
-            (State::SafeStop { since, cause: present }, _) => self.enter_safe_stop(cause.max(present), since),
-            _ => self.enter_safe_stop(cause, now),
+            (State::SafeStop { since, hold_until, cause: present }, _) => {
+                let hold_until = if holds_currents(cause) { hold_until } else { hold_until.min(now) };
+                self.enter_safe_stop(cause.max(present), since, hold_until);
+            }
+            _ => self.enter_safe_stop(cause, now, now.after(self.hold_time(cause))),
         }
+    }
+
+    /// How long currents are held on account of `cause` before they ramp to zero.
+    fn hold_time(&self, cause: Cause) -> Duration {
+        let holds = self.safe_action == SafeAction::HoldThenRamp && holds_currents(cause);
+        if holds { self.watch.limits().safe_hold } else { Duration::ZERO }
+    }
+
+    /// True when a stop for `cause` cuts the amplifiers.
+    fn cuts(&self, cause: Cause) -> bool {
+        self.safe_action == SafeAction::Disable && response(cause) == Response::Trip
     }
 
     fn take(&mut self, request: Request, seen: &Observation, answers: &mut Answers) {
@@ -267,6 +316,10 @@ impl Supervisor {
     }
 
     fn go(&mut self, seen: &Observation) -> Result<(), Cause> {
+        // What would have stopped an active daemon keeps a passive one from going.
+        if let (Some(cause), true) = (self.judgements.present, self.state.holds_authority()) {
+            return Err(cause);
+        }
         match self.state {
             State::Armed => match self.watch.forbids_steering(seen) {
                 Some(cause) => Err(cause),
@@ -306,12 +359,18 @@ impl Supervisor {
 
     fn stop(&mut self, cause: Cause, seen: &Observation, answers: &mut Answers) -> Result<(), Cause> {
         match self.state {
-            State::Boot | State::Idle | State::SafeStop { .. } => {}
+            State::Boot | State::Idle => {}
+            // Whoever asks for a stop does not want to wait.
+            State::SafeStop { since, hold_until, cause } => {
+                self.enter_safe_stop(cause, since, hold_until.min(seen.now));
+            }
             State::Arming { request_id, .. } => {
                 answers.refuse(request_id, cause);
                 self.enter_idle(seen.now);
             }
-            State::Armed | State::Active | State::Holding { .. } => self.enter_safe_stop(cause, seen.now),
+            State::Armed | State::Active | State::Holding { .. } => {
+                self.enter_safe_stop(cause, seen.now, seen.now);
+            }
             State::Fault { cause } => return Err(cause),
         }
         Ok(())
@@ -319,15 +378,19 @@ impl Supervisor {
 
     fn reset(&mut self, seen: &Observation) -> Result<(), Cause> {
         match self.state {
-            State::Idle => self.cause = None,
+            State::Idle => {
+                self.cause = None;
+                self.judgements.forget();
+            }
             State::Fault { cause } => {
                 // The latched cause may be over while a milder one holds.
                 let present = self.watch.persists(cause, seen).then_some(cause);
-                if let Some(cause) = present.or(self.watch.trip(&self.state, self.epoch, seen)) {
+                if let Some(cause) = present.or(self.watch.trip(&self.state, self.epoch, seen).acts) {
                     return Err(cause);
                 }
                 self.enter_idle(seen.now);
                 self.cause = None;
+                self.judgements.forget();
             }
             _ => return Err(Cause::WrongState),
         }
@@ -346,7 +409,9 @@ impl Supervisor {
                     (_, sensing_lost, _) => self.enter_holding(by_operator, sensing_lost, near_snap),
                 }
             }
-            State::SafeStop { since, cause } => self.await_rest(since, cause, seen),
+            State::SafeStop { since, hold_until, cause } => {
+                self.await_rest(since.max(hold_until), cause, seen);
+            }
             _ => {}
         }
     }
@@ -407,6 +472,7 @@ impl Supervisor {
         // Rises with every claim on this host, since the clock does.
         self.epoch = now.nanoseconds().max(self.epoch + 1);
         self.cause = None;
+        self.judgements.forget();
         self.state = State::Arming { since: now, request_id };
     }
 
@@ -422,9 +488,9 @@ impl Supervisor {
         self.state = State::Holding { by_operator, sensing_lost, near_snap };
     }
 
-    fn enter_safe_stop(&mut self, cause: Cause, since: Stamp) {
+    fn enter_safe_stop(&mut self, cause: Cause, since: Stamp, hold_until: Stamp) {
         self.cause = Some(cause);
-        self.state = State::SafeStop { since, cause };
+        self.state = State::SafeStop { since, hold_until, cause };
     }
 
     fn enter_fault(&mut self, cause: Cause, now: Stamp) {

@@ -142,6 +142,9 @@ impl Telemetry {
                 log(format_args!("target given up: {} (cause {})", cause.text(), cause.code()));
             }
             self.recorder.iter_mut().for_each(|recorder| recorder.take(&record));
+            if let Some(cause) = record.decision.judgements.begun {
+                log(format_args!("passive: would have tripped: {} (cause {})", cause.text(), cause.code()));
+            }
             self.view.take(&record);
         }
     }

@@ -2,6 +2,7 @@
 //!
 //! | sign | what may be behind it | what follows |
 //! |---|---|---|
+//! | poses outside of the workspace, or faster than a rod | a sensor that sees something else | as below |
 //! | measured directions far off the model's | a sensor that froze or sees something else, magnets mixed up, a rod that is held | such poses, and those of half of `pose_hold_ms` after, count as none: hold, then stop |
 //! | poses of another life of the sensor than at arming | it restarted; nobody checked where it looks now | stop |
 //! | measured currents or angles far off the commanded, for a while | an amplifier or motor that does not obey, a sensor that froze | stop |
@@ -12,6 +13,7 @@
 
 use std::time::Duration;
 
+use magsteer_hal::operator::Cause;
 use magsteer_hal::{Actuation, Stamp};
 
 use super::config::Limits;
@@ -50,7 +52,7 @@ pub(super) fn pose_error(outcome: &CycleOutcome) -> f64 {
 }
 
 /// Angle between two unit vectors, rad; exact near 0 and near pi, where an arc cosine is not.
-fn angle_between(one: &[f64; 3], other: &[f64; 3]) -> f64 {
+pub(super) fn angle_between(one: &[f64; 3], other: &[f64; 3]) -> f64 {
     let norm = |vector: [f64; 3]| vector.iter().map(|component| component * component).sum::<f64>().sqrt();
     let difference = norm([0, 1, 2].map(|axis| one[axis] - other[axis]));
     let sum = norm([0, 1, 2].map(|axis| one[axis] + other[axis]));
@@ -65,6 +67,8 @@ pub(super) struct Trust {
     believed_pose: Option<Stamp>,
     /// When poses last disagreed with the model.
     disagreed: Option<Stamp>,
+    /// When poses could last not be a rod's, and why.
+    doubted: Option<(Stamp, Cause)>,
     pose_is_believed: bool,
     /// Time spent astray, less time spent otherwise: what is wrong most of the time is wrong.
     astray: Duration,
@@ -93,6 +97,7 @@ impl Trust {
             limits,
             believed_pose: None,
             disagreed: None,
+            doubted: None,
             pose_is_believed: true,
             astray: Duration::ZERO,
             previous: None,
@@ -102,13 +107,13 @@ impl Trust {
     }
 
     /// Takes one cycle's observation.
-    pub(super) fn observe(&mut self, seen: &Observation) {
+    pub(super) fn observe(&mut self, seen: &Observation, doubt: Option<Cause>) {
+        self.doubted = doubt.map(|cause| (seen.now, cause)).or(self.doubted);
         if seen.model_converged && seen.pose_error > self.limits.pose_error_max {
             self.disagreed = Some(seen.now);
         }
         // Of poses at random one in some is near the truth: trust comes back more slowly than it goes.
-        let doubt = self.limits.pose_hold / 2;
-        self.pose_is_believed = self.disagreed.is_none_or(|disagreed| seen.now.since(disagreed) > doubt);
+        self.pose_is_believed = self.disbelief(seen.now).is_none();
         if self.pose_is_believed {
             self.believed_pose = seen.pose_stamp;
         }
@@ -132,6 +137,13 @@ impl Trust {
         self.astray = self.astray.min(self.limits.following_stop + most);
     }
 
+    /// Why the newest poses are not believed, if they are not: that the model contradicts them says most.
+    pub(super) fn disbelief(&self, now: Stamp) -> Option<Cause> {
+        let lasts = |begin: &Stamp| now.since(*begin) <= self.limits.pose_hold / 2;
+        let contradicted = self.disagreed.filter(lasts).map(|_| Cause::PoseImplausible);
+        contradicted.or(self.doubted.filter(|(begin, _)| lasts(begin)).map(|(_, cause)| cause))
+    }
+
     /// Remembers who granted authority and who measured then. What went astray before is no concern of the
     /// new holder.
     pub(super) fn note_grant(&mut self, seen: &Observation) {
@@ -142,11 +154,6 @@ impl Trust {
     /// True when poses that are believed were true within `limit`.
     pub(super) fn poses_within(&self, seen: &Observation, limit: Duration) -> bool {
         self.believed_pose.is_some_and(|stamp| seen.now.since(stamp) <= limit)
-    }
-
-    /// True when the newest poses are believed.
-    pub(super) fn pose_is_believed(&self) -> bool {
-        self.pose_is_believed
     }
 
     /// True when currents or angles have not followed commands for too long.

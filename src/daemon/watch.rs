@@ -5,11 +5,13 @@
 
 use std::time::Duration;
 
-use magsteer_hal::Stamp;
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::Cause;
+use magsteer_hal::{HardwareDescription, Stamp};
 
-use super::config::Limits;
+use super::causes::is_monitor;
+use super::config::{DaemonConfig, Limits, Mode};
+use super::monitors::{MonitorReport, Monitors, Sample};
 use super::state::State;
 use super::trust::{Astray, Trust};
 use crate::control::{Verdict, margin_allowed};
@@ -68,6 +70,8 @@ pub struct Observation {
     pub write_failed: bool,
     /// True when every current commanded last is zero.
     pub commanded_zero: bool,
+    /// For the monitors.
+    pub sample: Sample,
 }
 
 impl Observation {
@@ -85,30 +89,6 @@ impl Observation {
 /// How far above its limit the margin of stability ends a warning: the noise of measured currents moves it by
 /// half of that.
 const WARNING_BAND: f64 = 0.03;
-
-/// What a cause makes of the outputs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Response {
-    /// A request is refused, nothing else.
-    Refuse,
-    /// Ramp to zero, then idle.
-    Stop,
-    /// Ramp to zero, then a latched fault.
-    Trip,
-    /// Cut the amplifiers, a latched fault.
-    Disable,
-}
-
-/// What `cause` makes of the outputs; follows from the ranges of its codes.
-#[must_use]
-pub const fn response(cause: Cause) -> Response {
-    match cause.code() {
-        0..100 => Response::Refuse,
-        100..200 => Response::Stop,
-        200..300 => Response::Trip,
-        _ => Response::Disable,
-    }
-}
 
 /// Leaky bucket of missed periods.
 ///
@@ -146,12 +126,35 @@ pub struct Watch {
     /// Least margin of stability that the present motion may come to.
     margin_allowed: f64,
     trust: Trust,
+    monitors: Monitors,
+    mode: Mode,
+}
+
+/// The worst causes of a cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Found {
+    /// What stops the daemon.
+    pub acts: Option<Cause>,
+    /// What would, were it not passive.
+    pub judged: Option<Cause>,
+}
+
+impl Found {
+    fn add(&mut self, mode: Mode, cause: Option<Cause>) {
+        match cause {
+            Some(cause) if mode == Mode::Passive && is_monitor(cause) => {
+                self.judged = self.judged.max(Some(cause))
+            }
+            _ => self.acts = self.acts.max(cause),
+        }
+    }
 }
 
 impl Watch {
     /// Nothing wrong so far.
     #[must_use]
-    pub fn new(limits: Limits) -> Self {
+    pub fn new(config: &DaemonConfig, rig: &HardwareDescription) -> Self {
+        let limits = config.limits();
         let overruns = OverrunBucket {
             fraction: limits.overrun_fraction,
             capacity: limits.overrun_capacity,
@@ -166,6 +169,8 @@ impl Watch {
             warns_of_stability: false,
             margin_allowed: limits.stability_hold,
             trust: Trust::new(limits),
+            monitors: Monitors::new(config.monitors.limits(), rig),
+            mode: config.mode,
         }
     }
 
@@ -180,7 +185,9 @@ impl Watch {
         let quiet_at = self.limits.stability_warn + if self.warns_of_stability { WARNING_BAND } else { 0.0 };
         self.warns_of_stability = seen.margin < quiet_at;
         self.unstable_since = since(self.unstable_since, !stable, seen.now);
-        self.trust.observe(seen);
+        let model_error = seen.model_converged.then_some(seen.pose_error);
+        self.monitors.take(&seen.sample, seen.now, model_error, seen.verdict);
+        self.trust.observe(seen, self.monitors.doubt());
     }
 
     /// A motion begins: what it may lose depends on the margin with which it begins.
@@ -203,18 +210,23 @@ impl Watch {
     /// Remembers which life of driver and sensor granted authority: another one has to be armed anew.
     pub fn note_grant(&mut self, seen: &Observation) {
         self.trust.note_grant(seen);
+        self.monitors.note_grant();
     }
 
-    /// The worst cause that stops the daemon in `state`; `epoch` is the one it holds.
+    /// The worst causes that stop the daemon in `state`; `epoch` is the one it holds.
     #[must_use]
-    pub fn trip(&self, state: &State, epoch: u64, seen: &Observation) -> Option<Cause> {
-        let disabling = self.disabling_cause(state, seen);
-        let losing = if state.holds_authority() { self.authority_cause(epoch, seen) } else { None };
-        let steering = match state {
-            State::Active | State::Holding { .. } => self.steering_cause(state, seen),
-            _ => None,
-        };
-        disabling.max(losing).max(steering)
+    pub fn trip(&self, state: &State, epoch: u64, seen: &Observation) -> Found {
+        let mut found = Found::default();
+        found.add(self.mode, self.disabling_cause(state, seen));
+        // While a stop holds currents they are watched as those of a steering loop are.
+        let holds = matches!(state, State::SafeStop { hold_until, .. } if seen.now < *hold_until);
+        if state.holds_authority() || holds {
+            self.authority_causes(epoch, seen).into_iter().for_each(|cause| found.add(self.mode, cause));
+        }
+        if matches!(state, State::Active | State::Holding { .. }) {
+            self.steering_causes(state, seen).into_iter().for_each(|cause| found.add(self.mode, cause));
+        }
+        found
     }
 
     fn disabling_cause(&self, state: &State, seen: &Observation) -> Option<Cause> {
@@ -232,44 +244,39 @@ impl Watch {
         cut.then_some(Cause::DriverDisabled)
     }
 
-    fn authority_cause(&self, epoch: u64, seen: &Observation) -> Option<Cause> {
+    fn authority_causes(&self, epoch: u64, seen: &Observation) -> [Option<Cause>; 7] {
         let Some(driver) = seen.fresh_driver(self.limits.feedback_stop) else {
-            return Some(Cause::FeedbackStale);
+            // Nothing else can be told without it.
+            return [Some(Cause::FeedbackStale), None, None, None, None, None, None];
         };
-        if self.trust.is_astray() {
-            return Some(Cause::NotFollowing);
-        }
         let obeys = driver.epoch == epoch && driver.state == driver_state::DRIVEN;
-        if !obeys || self.trust.driver_restarted(seen) {
-            return Some(Cause::AuthorityLost);
-        }
-        if self.trust.echo_stands_still(seen) {
-            return Some(Cause::FeedbackStale);
-        }
-        if seen.description_mismatch {
-            return Some(Cause::DescriptionMismatch);
-        }
+        let lost = !obeys || self.trust.driver_restarted(seen);
         let failing = lasted(self.write_failing_since, seen.now, self.limits.command_validity);
-        if failing {
-            return Some(Cause::CommandNotSent);
-        }
-        self.overruns.is_full().then_some(Cause::Overruns)
+        [
+            self.trust.is_astray().then_some(Cause::NotFollowing),
+            self.monitors.actuation_cause(),
+            lost.then_some(Cause::AuthorityLost),
+            self.trust.echo_stands_still(seen).then_some(Cause::FeedbackStale),
+            seen.description_mismatch.then_some(Cause::DescriptionMismatch),
+            failing.then_some(Cause::CommandNotSent),
+            self.overruns.is_full().then_some(Cause::Overruns),
+        ]
     }
 
-    fn steering_cause(&self, state: &State, seen: &Observation) -> Option<Cause> {
-        if state.is_engaged() && !seen.request_finite {
-            return Some(Cause::RequestNotFinite);
-        }
-        if lasted(self.model_unusable_since, seen.now, self.limits.model_stop) {
-            return Some(model_cause(seen));
-        }
-        if lasted(self.unstable_since, seen.now, self.limits.stability_stop_time) {
-            return Some(Cause::StabilityLost);
-        }
-        if self.trust.sensor_restarted(seen) {
-            return Some(Cause::SensorRestarted);
-        }
-        self.lacks_poses(seen, self.limits.pose_stop)
+    fn steering_causes(&self, state: &State, seen: &Observation) -> [Option<Cause>; 7] {
+        let not_finite = state.is_engaged() && !seen.request_finite;
+        let without_model = lasted(self.model_unusable_since, seen.now, self.limits.model_stop);
+        let unstable = lasted(self.unstable_since, seen.now, self.limits.stability_stop_time);
+        [
+            not_finite.then_some(Cause::RequestNotFinite),
+            without_model.then(|| model_cause(seen)),
+            unstable.then_some(Cause::StabilityLost),
+            self.trust.sensor_restarted(seen).then_some(Cause::SensorRestarted),
+            // That there are none acts in every mode, that they are doubtful does not.
+            seen.pose_age().is_none_or(|age| age > self.limits.pose_stop).then_some(Cause::PoseStale),
+            self.lacks_poses(seen, self.limits.pose_stop),
+            self.monitors.steering_cause(seen.now),
+        ]
     }
 
     /// Why there are no poses that were true within `limit` and can be believed.
@@ -278,14 +285,20 @@ impl Watch {
             return None;
         }
         let is_fresh = seen.pose_age().is_some_and(|age| age <= limit);
-        let wrong = is_fresh && !self.trust.pose_is_believed();
-        Some(if wrong { Cause::PoseImplausible } else { Cause::PoseStale })
+        let doubted = self.trust.disbelief(seen.now).filter(|_| is_fresh);
+        Some(doubted.unwrap_or(Cause::PoseStale))
     }
 
-    /// Why the loop holds for want of poses.
+    /// Why there are no poses to start from: whatever the mode, they are believed.
+    #[must_use]
+    fn lacks_poses_to_start(&self, seen: &Observation) -> Option<Cause> {
+        self.lacks_poses(seen, self.limits.pose_hold)
+    }
+
+    /// Why the loop holds for want of poses. A passive daemon does not hold for those that it doubts.
     #[must_use]
     pub fn lost_sensing(&self, seen: &Observation) -> Option<Cause> {
-        self.lacks_poses(seen, self.limits.pose_hold)
+        self.lacks_poses_to_start(seen).filter(|cause| self.mode == Mode::Active || !is_monitor(*cause))
     }
 
     /// Why the daemon may not take authority now.
@@ -297,8 +310,11 @@ impl Watch {
         if let Some(cause) = self.forbids_leaving_boot(seen) {
             return Some(cause);
         }
-        if let Some(cause) = self.lost_sensing(seen) {
+        if let Some(cause) = self.lacks_poses_to_start(seen) {
             return Some(cause);
+        }
+        if self.monitors.is_hot() {
+            return Some(Cause::CoilOverheated);
         }
         let driver = seen.driver.as_ref()?;
         // A claim also puts cut amplifiers back to work; what cut them was reset before.
@@ -310,7 +326,7 @@ impl Watch {
     /// Why the daemon may not start to steer now.
     #[must_use]
     pub fn forbids_steering(&self, seen: &Observation) -> Option<Cause> {
-        if let Some(cause) = self.lost_sensing(seen) {
+        if let Some(cause) = self.lacks_poses_to_start(seen) {
             return Some(cause);
         }
         (!seen.model_converged || !seen.field_valid).then(|| model_cause(seen))
@@ -325,23 +341,68 @@ impl Watch {
         seen.fresh_driver(self.limits.feedback_stop).is_none().then_some(Cause::FeedbackStale)
     }
 
-    /// True while the reason for a fault still holds, so that a reset is refused.
-    /// A cause that is an event (authority lost, a value that was not finite) is over once it happened.
+    /// The table of when causes are over: true while the reason for a fault still holds, so that a reset is refused.
     #[must_use]
     pub fn persists(&self, cause: Cause, seen: &Observation) -> bool {
         let driver = seen.driver.as_ref();
         match cause {
-            Cause::PoseStale | Cause::PoseImplausible => self.lost_sensing(seen).is_some(),
+            Cause::PoseStale | Cause::PoseImplausible | Cause::PoseOutsideWorkspace | Cause::PoseTooFast => {
+                self.lacks_poses_to_start(seen).is_some()
+            }
             Cause::ModelNotConverged => !seen.model_converged,
             Cause::FieldModelInvalid => !seen.field_valid,
+            Cause::ModelOff => seen.model_converged && self.monitors.model_is_off(seen.pose_error),
             Cause::Overruns => self.overruns.level > 0.5 * self.overruns.capacity,
             Cause::FeedbackStale => seen.fresh_driver(self.limits.feedback_stop).is_none(),
             Cause::DescriptionMismatch => seen.description_mismatch,
+            Cause::CoilOverheated => self.monitors.is_hot(),
             Cause::RampTimeout => !self.is_at_rest(seen),
             Cause::DriverFault => driver.is_none_or(|driver| driver.fault != 0),
             Cause::OverCurrent => driver.is_none_or(|driver| driver.over_current),
-            _ => false,
+            // Events: over once they happened. What can be seen of them only while current flows is found again.
+            Cause::CommandNotSent
+            | Cause::RequestNotFinite
+            | Cause::AuthorityLost
+            | Cause::SensorRestarted
+            | Cause::NotFollowing
+            | Cause::StabilityLost
+            | Cause::CoilOpen
+            | Cause::NotProgressing
+            | Cause::DriverDisabled
+            | Cause::EmergencyStop => false,
+            // No fault is latched for these.
+            Cause::WrongState
+            | Cause::UnknownVerb
+            | Cause::TargetInvalid
+            | Cause::Busy
+            | Cause::RealtimeMissing
+            | Cause::ArmTimeout
+            | Cause::DriverBusy
+            | Cause::Ending
+            | Cause::TargetCrossesSnapThrough
+            | Cause::TargetOutsideField
+            | Cause::NearSnapThrough
+            | Cause::OperatorStop
+            | Cause::Terminated => false,
         }
+    }
+
+    /// What the monitors counted.
+    #[must_use]
+    pub fn report(&self) -> MonitorReport {
+        self.monitors.report()
+    }
+
+    /// Heat of the hottest coil, 1 at its limit, and whether it is to be warned of.
+    #[must_use]
+    pub fn heat(&self) -> (f64, bool) {
+        (self.monitors.heat(), self.monitors.is_hot())
+    }
+
+    /// Whether monitors act.
+    #[must_use]
+    pub fn mode(&self) -> Mode {
+        self.mode
     }
 
     /// True when fresh feedback shows no current in any coil.

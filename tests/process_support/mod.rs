@@ -32,12 +32,20 @@ pub struct World {
     pub config: Config,
     pub endpoint: Endpoint,
     pub root: PrivateRoot,
-    _alone: MutexGuard<'static, ()>,
+    _alone: Option<MutexGuard<'static, ()>>,
 }
 
 impl World {
     pub fn new() -> Self {
-        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+        Self::of(Some(ALONE.lock().unwrap_or_else(PoisonError::into_inner)))
+    }
+
+    /// One beside others, for tests that start several at once and say how many.
+    pub fn beside() -> Self {
+        Self::of(None)
+    }
+
+    fn of(alone: Option<MutexGuard<'static, ()>>) -> Self {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
         let (_, config) = Config::load(&file).expect("shipped");
         let root = PrivateRoot::create("ms").expect("shared memory is there");

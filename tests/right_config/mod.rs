@@ -114,11 +114,37 @@ priority = 80
 lock_memory = true
 spin_us = 0.0
 status_rate_hz = 100.0
+mode = "active"
+safe_action = "ramp"
+safe_hold_ms = 0.0
 
 [daemon.recorder]
 folder = "runs/daemon"
 seconds = 10.0
 flights_max = 100
+
+[daemon.monitors]
+current_error_max_a = 0.25
+current_error_share = 0.05
+current_error_stop_ms = 300.0
+open_current_a = 0.1
+open_share = 0.5
+open_stop_ms = 300.0
+angle_error_max_deg = 5.0
+angle_error_stop_ms = 1000.0
+coil_current_continuous_a = 5.0
+coil_heat_time_constant_s = 400.0
+coil_heat_warn = 0.8
+workspace_margin_mm = 20.0
+pose_rate_max_deg_per_s = 2000.0
+pose_jump_max_deg = 5.0
+pose_speed_max_mm_per_s = 2000.0
+pose_jump_max_mm = 5.0
+model_error_max_deg = 20.0
+model_error_stop_ms = 2000.0
+progress_error_deg = 10.0
+progress_stop_ms = 20000.0
+controller_frozen_ms = 250.0
 "#;
 
 /// What is wrong with a text.

@@ -103,6 +103,12 @@ fn layouts() -> String {
             recorder_error,
             flights,
             recorder_lost,
+            passive,
+            would_trip,
+            would_trip_count,
+            safe_action,
+            coil_hot,
+            coil_heat,
             target_direction,
             desired_direction,
             measured_direction,
@@ -139,7 +145,10 @@ mod tests {
             ("Quantiles", 5 * 8),
             ("PhaseQuantiles", 5 * 40),
             ("LoopTiming", 2 * 8 + 11 * 40),
-            ("StatusMessage", 48 + 8 + 9 * 8 + 2 * 456 + 6 * 4 + 4 * 192 + 2 * 320),
+            (
+                "StatusMessage",
+                48 + 8 + 9 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 4 * 192 + 2 * 320,
+            ),
         ];
         let text = layouts();
         for (name, size) in sizes {

@@ -98,6 +98,19 @@ causes! {
     /// The equilibrium that the model follows is no longer stable: the rod has snapped through, or is about to.
     StabilityLost = 212, "the rod is not stable where the model has it";
 
+    /// Magnets were seen where the rod does not reach.
+    PoseOutsideWorkspace = 213, "magnets are seen outside of the workspace";
+    /// Measured poses move faster than a rod does.
+    PoseTooFast = 214, "measured poses move faster than the rod can";
+    /// A coil that was asked for current carries none.
+    CoilOpen = 215, "a coil does not carry the current that it is asked for: open circuit";
+    /// A coil took up more heat than it may hold, by its measured current.
+    CoilOverheated = 216, "a coil is too hot by the current that it carried";
+    /// Model and measurement differ by more than they may for long.
+    ModelOff = 217, "the model stays away from what is measured";
+    /// The controller froze, or comes no nearer to a target that is clear.
+    NotProgressing = 218, "the controller makes no progress towards its target";
+
     // 300 to 399: the amplifiers are cut at once.
     /// The measured current did not reach zero within the ramp's time-out.
     RampTimeout = 300, "the driver did not report zero current in time";

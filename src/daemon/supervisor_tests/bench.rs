@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
-use magsteer_hal::Stamp;
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::scripted::example_description;
+use magsteer_hal::{Actuation, MagnetPose, PoseMessage, Stamp};
 
 use crate::control::Verdict;
-use crate::daemon::config::{Limits, tests::shipped};
+use crate::daemon::config::{DaemonConfig, Limits, tests::shipped};
+use crate::daemon::monitors::Sample;
 use crate::daemon::state::{Directive, Request, Verb};
 use crate::daemon::supervisor::{Decision, Supervisor};
 use crate::daemon::trust::Astray;
@@ -40,10 +41,20 @@ pub(super) struct Bench {
     pub(super) driver_obeys: bool,
     /// Current that commands of steering leave in the coils, A.
     pub(super) current: f64,
+    /// Angle by which the magnets are seen to turn to and fro from cycle to cycle, rad; 0 leaves the sample without poses.
+    pub(super) shake: f64,
+    /// False freezes the controller's view of them.
+    pub(super) controller_sees: bool,
+    cycle_count: u64,
+    healthy: Observation,
 }
 
 impl Bench {
     pub(super) fn new() -> Self {
+        Self::with(&shipped())
+    }
+
+    pub(super) fn with(config: &DaemonConfig) -> Self {
         let now = Stamp::from_nanoseconds(1_000_000_000);
         let driver = DriverView {
             stamp: now,
@@ -71,9 +82,10 @@ impl Bench {
             request_finite: true,
             write_failed: false,
             commanded_zero: true,
+            sample: Sample { measured: Some(Actuation::default()), ..Sample::default() },
         };
         Self {
-            supervisor: Supervisor::new(limits(), &example_description(), false),
+            supervisor: Supervisor::new(config, &example_description(), false),
             now,
             seen,
             next_id: 1,
@@ -82,11 +94,19 @@ impl Bench {
             sensor_alive: true,
             driver_obeys: true,
             current: 2.0,
+            shake: 0.0,
+            controller_sees: true,
+            cycle_count: 0,
+            healthy: seen,
         }
     }
 
     pub(super) fn driver(&mut self) -> &mut DriverView {
         self.seen.driver.as_mut().expect("the bench always has one")
+    }
+
+    pub(super) fn measured(&mut self) -> &mut Actuation {
+        self.seen.sample.measured.as_mut().expect("the bench always has some")
     }
 
     pub(super) fn cycle(&mut self, verb: Option<Verb>) -> Decision {
@@ -95,6 +115,7 @@ impl Bench {
         if self.sensor_alive {
             self.seen.pose_stamp = Some(self.now);
         }
+        self.shake_poses();
         if self.driver_alive {
             let (now, echoed) = (self.now, u64::from(self.echo_alive));
             self.driver().stamp = now;
@@ -105,6 +126,40 @@ impl Bench {
         let decision = self.supervisor.step(&self.seen, verb.map(|verb| Request { id, verb }));
         self.obey(&decision);
         decision
+    }
+
+    fn shake_poses(&mut self) {
+        self.cycle_count += 1;
+        if self.shake == 0.0 {
+            return;
+        }
+        let angle = if self.cycle_count.is_multiple_of(2) { self.shake } else { -self.shake };
+        let half = 0.5 * angle;
+        let magnet = MagnetPose {
+            orientation_xyzw: [0.0, half.sin(), 0.0, half.cos()],
+            valid: 1,
+            ..MagnetPose::default()
+        };
+        let mut pose = PoseMessage { magnet_count: 2, magnets: [magnet; 8], ..PoseMessage::default() };
+        (pose.header.sequence, pose.header.source_stamp_ns) = (self.cycle_count, self.now.nanoseconds());
+        self.seen.sample.pose = Some(pose);
+        (self.seen.sample.pose_is_fresh, self.seen.sample.pose_interval) = (true, PERIOD);
+        if self.controller_sees {
+            self.seen.sample.seen_by_controller = [magnet.tangent(); 8];
+        }
+    }
+
+    /// Everything outside of the supervisor is well again; what the driver does stays.
+    pub(super) fn heal(&mut self) {
+        let life = self.driver().life;
+        let (state, epoch, echoed) = (self.driver().state, self.driver().epoch, self.driver().echoed);
+        let current_max = self.driver().current_max;
+        self.seen = Observation { commanded_zero: self.seen.commanded_zero, ..self.healthy };
+        (self.seen.now, self.seen.pose_stamp) = (self.now, Some(self.now));
+        let driver = DriverView { state, epoch, echoed, life, current_max, ..*self.driver() };
+        *self.driver() = driver;
+        (self.driver_alive, self.echo_alive, self.sensor_alive, self.driver_obeys) = (true, true, true, true);
+        self.shake = 0.0;
     }
 
     pub(super) fn obey(&mut self, decision: &Decision) {
@@ -156,19 +211,31 @@ impl Bench {
     }
 
     pub(super) fn idle() -> Self {
-        let mut bench = Self::new();
+        Self::idle_of(&shipped())
+    }
+
+    fn idle_of(config: &DaemonConfig) -> Self {
+        let mut bench = Self::with(config);
         assert_eq!(bench.cycle(None).state, state::IDLE);
         bench
     }
 
     pub(super) fn armed() -> Self {
-        let mut bench = Self::idle();
+        Self::armed_of(&shipped())
+    }
+
+    fn armed_of(config: &DaemonConfig) -> Self {
+        let mut bench = Self::idle_of(config);
         assert_eq!(bench.ask(Verb::Arm), Ok(state::ARMED));
         bench
     }
 
     pub(super) fn active() -> Self {
-        let mut bench = Self::armed();
+        Self::active_of(&shipped())
+    }
+
+    pub(super) fn active_of(config: &DaemonConfig) -> Self {
+        let mut bench = Self::armed_of(config);
         assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE));
         bench.cycles(5);
         bench
@@ -176,31 +243,35 @@ impl Bench {
 
     /// A bench whose supervisor is in the state with this code.
     pub(super) fn in_state(code: u32) -> Self {
+        Self::in_state_of(&shipped(), code)
+    }
+
+    pub(super) fn in_state_of(config: &DaemonConfig, code: u32) -> Self {
         match code {
             state::BOOT => {
-                let mut bench = Self::new();
+                let mut bench = Self::with(config);
                 bench.driver_alive = false;
                 bench.now = bench.now.after(ms(1_000));
                 bench.cycle(None);
                 bench
             }
-            state::IDLE => Self::idle(),
-            state::ARMED => Self::armed(),
-            state::ACTIVE => Self::active(),
+            state::IDLE => Self::idle_of(config),
+            state::ARMED => Self::armed_of(config),
+            state::ACTIVE => Self::active_of(config),
             state::HOLDING => {
-                let mut bench = Self::active();
+                let mut bench = Self::active_of(config);
                 assert_eq!(bench.ask(Verb::Hold), Ok(state::HOLDING));
                 bench
             }
             state::SAFE_STOP => {
-                let mut bench = Self::active();
+                let mut bench = Self::active_of(config);
                 // Currents stay up: the ramp does not end by itself during the test.
                 bench.driver_obeys = false;
                 assert_eq!(bench.ask(Verb::Stop), Ok(state::SAFE_STOP));
                 bench
             }
             _ => {
-                let mut bench = Self::active();
+                let mut bench = Self::active_of(config);
                 assert_eq!(bench.ask(Verb::EmergencyStop), Ok(state::FAULT));
                 bench
             }

@@ -4,8 +4,9 @@ use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::scripted::example_description;
 
-use super::bench::{Bench, limits, ms};
+use super::bench::{Bench, ms};
 use crate::control::ReferenceTarget;
+use crate::daemon::config::tests::shipped;
 use crate::daemon::state::{Directive, Verb};
 use crate::daemon::supervisor::Supervisor;
 
@@ -162,7 +163,7 @@ fn arming_names_what_is_missing() {
 #[test]
 fn arming_is_refused_when_enforced_real_time_is_missing() {
     let mut bench = Bench::new();
-    bench.supervisor = Supervisor::new(limits(), &example_description(), true);
+    bench.supervisor = Supervisor::new(&shipped(), &example_description(), true);
     bench.cycle(None);
     assert_eq!(bench.ask(Verb::Arm), Err(Cause::RealtimeMissing));
 }

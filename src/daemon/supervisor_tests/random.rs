@@ -1,27 +1,37 @@
 //! Random sequences of events against what must never happen.
 
+use magsteer_hal::Actuation;
+use magsteer_hal::operator::state;
 use rand::{RngExt, SeedableRng};
 
 use super::bench::Bench;
 use crate::control::Verdict;
 use crate::control::plan::Obstacle;
+use crate::daemon::causes::{Response, is_monitor, response};
+use crate::daemon::config::{DaemonConfig, Mode, SafeAction, tests::shipped};
+use crate::daemon::monitors::Sample;
 use crate::daemon::state::{Directive, State, Verb};
 use crate::daemon::supervisor::Decision;
 use crate::daemon::trust::Astray;
-use crate::daemon::watch::{Response, response};
 
 /// Goal: over random events, healthy and faulty, what must never happen does not.
 #[test]
 fn random_events_never_break_the_rules() {
-    for seed in 0..40 {
-        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let mut bench = Bench::new();
+    let actions = [SafeAction::Ramp, SafeAction::HoldThenRamp, SafeAction::Disable];
+    let modes = [Mode::Active, Mode::Passive];
+    for seed in 0..48_u8 {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(u64::from(seed));
+        let (safe_action, mode) = (actions[usize::from(seed) % 3], modes[usize::from(seed) / 3 % 2]);
+        let config = DaemonConfig { mode, safe_action, safe_hold_ms: 100.0, ..shipped() };
+        let mut bench = Bench::with(&config);
+        let mut stopping = 0_u64;
         let mut before = *bench.supervisor.state();
         let mut reached = [false; 7];
         for _ in 0..4_000 {
             let verb = random_event(&mut random, &mut bench);
             let decision = bench.cycle(verb);
             check_rules(&before, verb, &decision, &bench, seed);
+            check_stop(&before, &decision, &bench, &mut stopping);
             before = *bench.supervisor.state();
             reached[before.code() as usize] = true;
         }
@@ -33,7 +43,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
     let toss = |random: &mut rand_chacha::ChaCha8Rng, chance| random.random_bool(chance);
     // Faults come rarely and go soon, so that the machine also works.
     if toss(random, 0.004) {
-        match random.random_range(0..17) {
+        match random.random_range(0..22) {
             0 => bench.sensor_alive = false,
             1 => bench.driver_alive = false,
             2 => bench.seen.model_converged = false,
@@ -53,6 +63,11 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
                 let obstacle = Obstacle::BranchEnds;
                 bench.seen.verdict = Verdict::Refused { obstacle, progress: 0.5 };
             }
+            16 => bench.seen.description_mismatch = true,
+            17 => bench.seen.sample.commanded.current_a[1] = 0.2,
+            18 => bench.measured().current_a[0] = -0.4,
+            19 => bench.shake = 0.3,
+            20 => (bench.shake, bench.controller_sees) = (0.01, false),
             _ => bench.seen.request_finite = false,
         }
     }
@@ -61,6 +76,8 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
         (bench.seen.model_converged, bench.seen.request_finite, bench.seen.missed) = (true, true, 0);
         (bench.driver().fault, bench.driver().over_current) = (0, false);
         (bench.seen.margin, bench.seen.verdict) = (1.0, Verdict::Unchecked);
+        (bench.seen.description_mismatch, bench.shake, bench.controller_sees) = (false, 0.0, true);
+        bench.seen.sample = Sample { measured: Some(Actuation::default()), ..Sample::default() };
         (bench.seen.pose_error, bench.seen.astray, bench.echo_alive) = (0.0, Astray::default(), true);
     }
     if !toss(random, 0.1) {
@@ -82,11 +99,19 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
     Some(verbs[random.random_range(0..last)])
 }
 
-fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &Bench, seed: u64) {
+fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &Bench, seed: u8) {
     let context = format!("seed {seed}: {before:?} with {verb:?} gave {decision:?}");
     let after = bench.supervisor.state();
     let drives = matches!(decision.directive, Directive::Begin | Directive::Follow | Directive::Hold);
-    assert_eq!(drives, matches!(after, State::Active | State::Holding { .. }), "{context}");
+    let holds = matches!(after, State::SafeStop { hold_until, .. } if bench.now < *hold_until)
+        && decision.safe_action == SafeAction::HoldThenRamp;
+    let drives_now = matches!(after, State::Active | State::Holding { .. }) || holds;
+    assert_eq!(drives, drives_now, "{context}");
+    let rises = matches!(decision.directive, Directive::Begin | Directive::Follow);
+    assert!(
+        !rises || matches!(after, State::Active | State::Holding { .. }),
+        "only steering moves currents: {context}"
+    );
     if matches!(before, State::Fault { .. }) && !matches!(after, State::Fault { .. }) {
         assert_eq!(verb, Some(Verb::Reset), "only a reset leaves Fault: {context}");
         assert_eq!(*after, State::Idle, "{context}");
@@ -120,5 +145,30 @@ fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &
     let faulty = bench.seen.driver.is_some_and(|driver| driver.over_current);
     if faulty && *after != State::Boot {
         assert_eq!(decision.directive, Directive::Disable, "{context}");
+    }
+}
+
+/// A stop is begun once an episode, from where authority is held; its cause only grows worse; it ends within the hold and
+/// the ramp's time-out. A passive daemon is stopped by no monitor.
+fn check_stop(before: &State, decision: &Decision, bench: &Bench, stopping: &mut u64) {
+    let after = bench.supervisor.state();
+    let context = format!("{before:?} gave {decision:?}");
+    match (before, after) {
+        (State::SafeStop { cause: old, .. }, State::SafeStop { cause: new, .. }) => {
+            assert!(new >= old, "a worse cause is never replaced by a milder one: {context}");
+            *stopping += 1;
+        }
+        (_, State::SafeStop { .. }) => {
+            assert!(before.holds_authority(), "{context}");
+            *stopping = 1;
+        }
+        (State::SafeStop { .. }, State::Fault { .. }) | (_, State::Idle) => *stopping = 0,
+        _ => {}
+    }
+    assert!(*stopping <= 100 + 1_000 + 2, "{stopping} ms on the way to zero: {context}");
+    if let (true, Some(cause), state::SAFE_STOP | state::FAULT) =
+        (decision.passive, decision.cause, decision.state)
+    {
+        assert!(!is_monitor(cause), "{context}");
     }
 }

@@ -2,11 +2,14 @@
 
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, state};
+use magsteer_hal::{MagnetPose, PoseMessage};
 
-use super::bench::Bench;
+use super::bench::{Bench, ms};
 use crate::control::Verdict;
 use crate::control::plan::Obstacle;
-use crate::daemon::state::Verb;
+use crate::daemon::causes::{Response, holds_currents, is_monitor, response};
+use crate::daemon::config::{DaemonConfig, Mode, SafeAction, tests::shipped};
+use crate::daemon::state::{Directive, Verb};
 use crate::daemon::supervisor::Decision;
 
 /// What happens to a daemon in the table below.
@@ -33,11 +36,64 @@ enum Event {
     TargetRefused,
     NearSnap,
     Snapped,
+    OtherDescription,
+    RampStalls,
+    PosesOutside,
+    PosesTooFast,
+    CoilOpen,
+    CurrentUnasked,
+    CoilOverheats,
+    ModelStaysOff,
+    ControllerFreezes,
 }
 
 impl Event {
-    /// Lets the event happen for half a second; returns the last decision.
+    /// Every fault, with the cause that it has where it stops the daemon, and whether a reset is refused while it lasts.
+    const FAULTS: [(Self, Cause, bool); 27] = [
+        (Self::Ask(Verb::EmergencyStop), Cause::EmergencyStop, false),
+        (Self::PosesStop, Cause::PoseStale, true),
+        (Self::ModelFails, Cause::ModelNotConverged, true),
+        (Self::FieldInvalid, Cause::FieldModelInvalid, true),
+        (Self::FeedbackStops, Cause::FeedbackStale, true),
+        (Self::AuthorityLost, Cause::AuthorityLost, false),
+        (Self::DriverCut, Cause::DriverDisabled, false),
+        (Self::DriverFault, Cause::DriverFault, true),
+        (Self::OverCurrent, Cause::OverCurrent, true),
+        (Self::Overruns, Cause::Overruns, true),
+        (Self::RequestNotFinite, Cause::RequestNotFinite, false),
+        (Self::WritesFail, Cause::CommandNotSent, false),
+        (Self::PosesDisagree, Cause::PoseImplausible, true),
+        (Self::NotFollowing, Cause::NotFollowing, false),
+        (Self::EchoStops, Cause::FeedbackStale, false),
+        (Self::DriverRestarts, Cause::AuthorityLost, false),
+        (Self::SensorRestarts, Cause::SensorRestarted, false),
+        (Self::Snapped, Cause::StabilityLost, false),
+        (Self::OtherDescription, Cause::DescriptionMismatch, true),
+        (Self::RampStalls, Cause::RampTimeout, true),
+        (Self::PosesOutside, Cause::PoseOutsideWorkspace, true),
+        (Self::PosesTooFast, Cause::PoseTooFast, true),
+        (Self::CoilOpen, Cause::CoilOpen, false),
+        (Self::CurrentUnasked, Cause::NotFollowing, false),
+        (Self::CoilOverheats, Cause::CoilOverheated, true),
+        (Self::ModelStaysOff, Cause::ModelOff, true),
+        (Self::ControllerFreezes, Cause::NotProgressing, false),
+    ];
+
+    /// Lets the event happen for half a second, or as long as it takes to be found; returns the last decision.
     fn happen(self, bench: &mut Bench) -> Decision {
+        self.begin(bench);
+        bench.cycles(match self {
+            Self::ModelStaysOff => 2_500,
+            Self::RampStalls => 1_100,
+            _ => 500,
+        })
+    }
+
+    fn heats(self) -> bool {
+        matches!(self, Self::CoilOverheats)
+    }
+
+    fn begin(self, bench: &mut Bench) {
         match self {
             // Whether it is refused shows in the state.
             Self::Ask(verb) => _ = bench.ask(verb),
@@ -45,7 +101,11 @@ impl Event {
             Self::ModelFails => bench.seen.model_converged = false,
             Self::FieldInvalid => bench.seen.field_valid = false,
             Self::FeedbackStops => bench.driver_alive = false,
-            Self::AuthorityLost => (bench.driver().state, bench.driver_obeys) = (driver_state::IDLE, false),
+            // It ramped down by itself.
+            Self::AuthorityLost => {
+                (bench.driver().state, bench.driver().current_max) = (driver_state::IDLE, 0.0);
+                bench.driver_obeys = false;
+            }
             Self::DriverCut => bench.driver().state = driver_state::DISABLED,
             Self::DriverFault => bench.driver().fault = 7,
             Self::OverCurrent => bench.driver().over_current = true,
@@ -63,8 +123,28 @@ impl Event {
             }
             Self::NearSnap => bench.seen.margin = 0.05,
             Self::Snapped => bench.seen.margin = -0.05,
+            Self::OtherDescription => bench.seen.description_mismatch = true,
+            Self::RampStalls => {
+                bench.driver_obeys = false;
+                _ = bench.ask(Verb::Stop);
+            }
+            Self::PosesOutside => {
+                let magnet = MagnetPose { position_m: [0.2, 0.0, 0.0], ..MagnetPose::default() };
+                bench.seen.sample.pose =
+                    Some(PoseMessage { magnet_count: 2, magnets: [magnet; 8], ..PoseMessage::default() });
+                bench.seen.sample.pose_is_fresh = true;
+            }
+            Self::PosesTooFast => bench.shake = 0.3,
+            Self::CoilOpen => bench.seen.sample.commanded.current_a[1] = -0.2,
+            Self::CurrentUnasked => bench.measured().current_a[3] = 0.3,
+            Self::CoilOverheats => {
+                // So much only to be quick about it; the driver's over-current is another matter.
+                bench.measured().current_a[0] = 200.0;
+                bench.seen.sample.commanded.current_a[0] = 200.0;
+            }
+            Self::ModelStaysOff => bench.seen.pose_error = 0.4,
+            Self::ControllerFreezes => (bench.shake, bench.controller_sees) = (0.01, false),
         }
-        bench.cycles(500)
     }
 }
 
@@ -73,12 +153,14 @@ impl Event {
 #[test]
 fn every_event_in_every_state_leads_where_the_table_says() {
     use Event::{
-        Ask, AuthorityLost, DriverCut, DriverFault, DriverRestarts, EchoStops, FeedbackStops, FieldInvalid,
-        ModelFails, NearSnap, NotFollowing, OverCurrent, Overruns, PosesDisagree, PosesStop,
-        RequestNotFinite, SensorRestarts, Snapped, TargetRefused, WritesFail,
+        Ask, AuthorityLost, CoilOpen, CoilOverheats, ControllerFreezes, CurrentUnasked, DriverCut,
+        DriverFault, DriverRestarts, EchoStops, FeedbackStops, FieldInvalid, ModelFails, ModelStaysOff,
+        NearSnap, NotFollowing, OtherDescription, OverCurrent, Overruns, PosesDisagree, PosesOutside,
+        PosesStop, PosesTooFast, RampStalls, RequestNotFinite, SensorRestarts, Snapped, TargetRefused,
+        WritesFail,
     };
     let target = [[0.0, 0.0, 1.0]; 8];
-    let table: [(Event, &str, Option<Cause>); 27] = [
+    let table: [(Event, &str, Option<Cause>); 36] = [
         //                              biachsf
         (Ask(Verb::Arm), "baachsf", None),
         (Ask(Verb::Go), "bicccsf", None),
@@ -92,7 +174,7 @@ fn every_event_in_every_state_leads_where_the_table_says() {
         (ModelFails, "biaffsf", Some(Cause::ModelNotConverged)),
         (FieldInvalid, "biaffsf", Some(Cause::FieldModelInvalid)),
         (FeedbackStops, "bissssf", Some(Cause::FeedbackStale)),
-        (AuthorityLost, "bifsssf", Some(Cause::AuthorityLost)),
+        (AuthorityLost, "bifffif", Some(Cause::AuthorityLost)),
         (DriverCut, "bifffsf", Some(Cause::DriverDisabled)),
         (DriverFault, "bffffff", Some(Cause::DriverFault)),
         (OverCurrent, "bffffff", Some(Cause::OverCurrent)),
@@ -107,7 +189,19 @@ fn every_event_in_every_state_leads_where_the_table_says() {
         (TargetRefused, "biachsf", None),
         (NearSnap, "biahhsf", None),
         (Snapped, "biaffsf", Some(Cause::StabilityLost)),
+        (OtherDescription, "bifffsf", Some(Cause::DescriptionMismatch)),
+        (RampStalls, "biiffff", Some(Cause::RampTimeout)),
+        (PosesOutside, "biaffsf", Some(Cause::PoseOutsideWorkspace)),
+        (PosesTooFast, "biaffsf", Some(Cause::PoseTooFast)),
+        (CoilOpen, "bifffsf", Some(Cause::CoilOpen)),
+        (CurrentUnasked, "bifffsf", Some(Cause::NotFollowing)),
+        (CoilOverheats, "bifffsf", Some(Cause::CoilOverheated)),
+        (ModelStaysOff, "biaffff", Some(Cause::ModelOff)),
+        (ControllerFreezes, "biaffsf", Some(Cause::NotProgressing)),
     ];
+    let named = |cause: &Cause| table.iter().any(|(_, _, found)| *found == Some(*cause));
+    let faults = Cause::ALL.iter().filter(|cause| response(**cause) >= Response::Trip);
+    assert_eq!(faults.filter(|cause| !named(cause)).count(), 0, "every cause of a fault stands in the table");
     let letters = ["b", "i", "a", "c", "h", "s", "f"];
     for (event, row, cause) in table {
         for (code, expected) in (0_u32..).zip(row.chars()) {
@@ -121,6 +215,116 @@ fn every_event_in_every_state_leads_where_the_table_says() {
                 && matches!(decision.state, state::FAULT | state::SAFE_STOP);
             if let (true, Some(cause)) = (stopped, cause) {
                 assert_eq!(decision.cause, Some(cause), "{event:?} in {}", state::name(code));
+            }
+        }
+    }
+}
+
+/// Goal: the table of when causes are over, by every fault: refused while it lasts where it can be seen to last, allowed
+/// once all is well, and nothing leaves the fault meanwhile.
+#[test]
+fn resets_are_refused_while_the_cause_lasts_and_work_once_it_is_over() {
+    for (event, cause, lasts) in Event::FAULTS {
+        let mut bench = Bench::active();
+        event.happen(&mut bench);
+        // A driver that says nothing, or whose currents stay, shows no end of the ramp.
+        let latched = bench.until(state::FAULT, ms(1_500)).map_or(state::FAULT, |_| state::FAULT);
+        assert_eq!(bench.cycle(None).state, latched, "{event:?}");
+        let present = bench.cycle(None).cause.expect("a fault has one");
+        assert!(present == cause || present == Cause::RampTimeout, "{event:?}: {present:?}");
+        let answer = bench.ask(Verb::Reset);
+        assert_eq!(answer.is_err(), lasts, "{event:?}: {answer:?}");
+        bench.heal();
+        // A coil that took up several times its limit cools for some time constants of 400 s.
+        bench.cycles(if event.heats() { 1_200_000 } else { 1_500 });
+        let expected = if lasts { state::FAULT } else { state::IDLE };
+        assert_eq!(bench.cycle(None).state, expected, "{event:?}: nothing resumes by itself");
+        if lasts {
+            assert_eq!(bench.ask(Verb::Reset), Ok(state::IDLE), "{event:?}");
+        }
+        // Another driver or sensor, and all else, can be armed anew.
+        bench.driver().state = driver_state::IDLE;
+        bench.driver().current_max = 0.0;
+        assert_eq!(bench.ask(Verb::Arm), Ok(state::ARMED), "{event:?}");
+        assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE), "{event:?}");
+    }
+}
+
+/// Goal: by every fault in a loop that steers: a passive daemon goes on and tells what it would have tripped for where it
+/// is a monitor's, and does what an active one does where it is not.
+#[test]
+fn passive_monitors_tell_and_do_not_act_and_all_else_acts() {
+    let config = DaemonConfig { mode: Mode::Passive, ..shipped() };
+    for (event, cause, _) in Event::FAULTS {
+        for code in [state::ACTIVE, state::HOLDING] {
+            let mut bench = Bench::in_state_of(&config, code);
+            let decision = event.happen(&mut bench);
+            assert!(decision.passive);
+            if is_monitor(cause) {
+                // That currents are kept near a snap-through is part of the steering.
+                let expected = if matches!(event, Event::Snapped) { state::HOLDING } else { code };
+                assert_eq!(decision.state, expected, "{event:?}");
+                assert_eq!(decision.judgements.worst, Some(cause), "{event:?}");
+                assert_eq!(decision.judgements.count, 1, "{event:?} is told once");
+                assert!(!matches!(decision.directive, Directive::RampDown | Directive::Disable));
+            } else {
+                assert!(matches!(decision.state, state::SAFE_STOP | state::FAULT), "{event:?}: {decision:?}");
+                assert_eq!(decision.judgements.count, 0, "{event:?}");
+            }
+        }
+    }
+}
+
+/// Goal: nothing energises more easily in passive mode: by every fault, what may be armed and what may go is the same.
+#[test]
+fn passive_daemons_arm_and_go_no_more_easily_than_active_ones() {
+    let passive = DaemonConfig { mode: Mode::Passive, ..shipped() };
+    for (event, _, _) in Event::FAULTS {
+        for (code, verb) in [(state::IDLE, Verb::Arm), (state::ARMED, Verb::Go), (state::FAULT, Verb::Go)] {
+            let answer = |config: &DaemonConfig| {
+                let mut bench = Bench::in_state_of(config, code);
+                event.happen(&mut bench);
+                bench.ask(verb)
+            };
+            let (active, passive) = (answer(&shipped()), answer(&passive));
+            assert_eq!(
+                active.is_err(),
+                passive.is_err(),
+                "{event:?} in {}: {active:?} {passive:?}",
+                state::name(code)
+            );
+        }
+    }
+}
+
+/// Goal: by every fault, with each action: currents are held only for causes that leave them known and harmless, are
+/// never raised, and the amplifiers are cut at once where that is what is asked for.
+#[test]
+fn safe_action_does_for_every_cause_what_it_says() {
+    for action in [SafeAction::Ramp, SafeAction::HoldThenRamp, SafeAction::Disable] {
+        let config = DaemonConfig { safe_action: action, safe_hold_ms: 200.0, ..shipped() };
+        for (event, cause, _) in
+            Event::FAULTS.into_iter().filter(|(event, _, _)| !matches!(event, Event::RampStalls))
+        {
+            let mut bench = Bench::active_of(&config);
+            bench.driver_obeys = false;
+            event.begin(&mut bench);
+            let stopped =
+                (0..3_000).map(|_| bench.cycle(None)).find(|decision| decision.state >= state::SAFE_STOP);
+            let decision = stopped.unwrap_or_else(|| panic!("{event:?} stops"));
+            let first = decision.directive;
+            assert_eq!(decision.safe_action, action);
+            let expected = match (response(cause), action) {
+                (Response::Disable, _) | (_, SafeAction::Disable) => Directive::Disable,
+                (_, SafeAction::HoldThenRamp) if holds_currents(cause) => Directive::Hold,
+                _ => Directive::RampDown,
+            };
+            assert_eq!(first, expected, "{event:?} with {action:?}");
+            if first == Directive::Hold {
+                let held =
+                    1 + (0..1_000).take_while(|_| bench.cycle(None).directive == Directive::Hold).count();
+                assert_eq!(held, 200, "{event:?}");
+                assert_eq!(bench.cycle(None).directive, Directive::RampDown, "{event:?}");
             }
         }
     }
