@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use clap::Args;
 use magsteer::config::{Config, Problems};
@@ -11,7 +11,7 @@ use magsteer_sim_plant::actuation::{Fault, fault_code};
 use magsteer_sim_plant::{PlantConfig, process};
 use serde::{Deserialize, Serialize};
 
-use super::ending::{exit_of, watching};
+use super::ending::{exit_of, managed, watching};
 use super::exit::Exit;
 use super::output;
 use super::rig_file::{RootArgs, channel_failure};
@@ -111,7 +111,10 @@ impl SimPlant {
                 endpoint.rig(),
                 settings.sensor
             ));
-            anyhow::Ok(telling(|tell| process::run(&mut plant, &settings.real_time, &mut end, &ended, tell)))
+            let (real_time, wakes) = (&settings.real_time, AtomicU64::new(0));
+            anyhow::Ok(managed(&stop, &wakes, "running", || {
+                telling(|tell| process::run(&mut plant, real_time, &mut end, &ended, &wakes, tell))
+            }))
         })??;
         let report = PlantReport::of(&summary);
         if self.json {

@@ -15,6 +15,8 @@
 //! | `statistics` | lossless histograms of timing |
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
+//! | `notify` | what the service manager is told; its watchdog is fed by the loop's progress alone |
+//! | `journal` | where log lines go, with priorities and fields |
 //! | `target` | targets and tangents as people write and read them |
 //! | `target_rules` | which targets a rig can take |
 //! | `lockstep` | the loop under stepped time: plays an experiment faster than real time |
@@ -27,8 +29,10 @@ mod config;
 mod control_loop;
 #[cfg(test)]
 mod control_loop_tests;
+mod journal;
 pub mod kernel;
 pub mod lockstep;
+mod notify;
 mod run;
 mod run_digest;
 mod runner;
@@ -48,6 +52,7 @@ mod watch;
 pub use clock::{Clock, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, RealtimePolicy};
 pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
+pub use notify::Notify;
 pub use run::{RunError, RunPlan, RunReport, run};
 pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};

@@ -26,6 +26,7 @@ use super::control_loop::{ControlLoop, LoopOptions};
 use super::kernel::{
     RealtimeItem, RealtimeReport, RealtimeRequest, request_helper_realtime, request_realtime,
 };
+use super::notify::Notify;
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::TimingSummary;
 use super::telemetry::{Telemetry, TelemetryRings, log};
@@ -140,6 +141,8 @@ pub fn run<S: Step + Send>(
     make_controller: impl FnOnce() -> S + Send,
     stop: &StopFlag,
 ) -> Result<RunReport, RunError> {
+    let mut notify = Notify::from_environment();
+    notify.status("waiting for a driver");
     let services = find_driver(plan, stop)?;
     let operators = OperatorServices::create(plan.endpoint)?;
     let (loop_rings, telemetry_rings) = rings(plan.config);
@@ -168,8 +171,8 @@ pub fn run<S: Step + Send>(
         let telemetry_thread =
             std::thread::Builder::new().name("magsteer-comms".to_owned()).spawn_scoped(scope, || {
                 let server = operators.into_server()?;
-                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm)
-                    .serve(&counters);
+                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm, notify)
+                    .serve(&counters, stop);
                 Ok(())
             });
         let telemetry_thread = telemetry_thread.inspect_err(|_| stop.request(THREAD_DIED))?;

@@ -4,7 +4,6 @@
 //! is handed to the loop and answered when the loop answers; one that waits longer than an operator
 //! does is dropped without an answer, which counts as not done.
 
-use std::io::Write;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -17,7 +16,9 @@ use crate::control::ReferenceTarget;
 
 use super::config::DaemonConfig;
 use super::control_loop::CycleRecord;
-use super::runner::LoopCounters;
+use super::journal::{Field, Priority, tell};
+use super::notify::Notify;
+use super::runner::{LoopCounters, StopFlag};
 use super::state::{Answer, Request, Verb};
 use super::view::{StatusView, TransitionLine};
 
@@ -71,10 +72,11 @@ pub struct Telemetry {
     next_id: u32,
     arm_at_start: Option<ArmAtStart>,
     rig: Counts,
+    notify: Notify,
 }
 
 impl Telemetry {
-    /// Serves operators of this rig; `arm`: arms as soon as the rig is ready.
+    /// Serves operators of this rig and tells the service manager; `arm`: arms as soon as the rig is ready.
     #[must_use]
     pub fn new(
         server: OperatorServer,
@@ -82,6 +84,7 @@ impl Telemetry {
         description: &HardwareDescription,
         config: &DaemonConfig,
         arm: bool,
+        notify: Notify,
     ) -> Self {
         let now = Stamp::now();
         Self {
@@ -97,15 +100,17 @@ impl Telemetry {
                 magnets: u32::try_from(description.magnets().count()).unwrap_or(u32::MAX),
                 frames: u32::try_from(description.frames.len()).unwrap_or(u32::MAX),
             },
+            notify,
         }
     }
 
-    /// Serves until the loop has ended and everything it left was told.
-    pub fn serve(&mut self, counters: &LoopCounters) {
+    /// Serves until the loop has ended and everything it left was told; `stop` asks the loop to end.
+    pub fn serve(&mut self, counters: &LoopCounters, stop: &StopFlag) {
         loop {
             let ended = self.rings.records.is_abandoned();
             let now = Stamp::now();
             self.take_records();
+            self.tell_manager(now, stop);
             self.take_answers();
             self.take_requests(now);
             self.try_to_arm(now);
@@ -126,12 +131,23 @@ impl Telemetry {
     fn take_records(&mut self) {
         while let Ok(record) = self.rings.records.pop() {
             if record.decision.transition.is_some() {
-                log(format_args!("{}", TransitionLine(&record)));
+                log_transition(&record);
             }
             if let Some(cause) = record.decision.given_up {
                 log(format_args!("target given up: {} (cause {})", cause.text(), cause.code()));
             }
             self.view.take(&record);
+        }
+    }
+
+    /// Ready, alive and state by what the loop has done; stopping by what it was asked.
+    fn tell_manager(&mut self, now: Stamp, stop: &StopFlag) {
+        if stop.requested().is_some() {
+            self.notify.stopping();
+        }
+        if let Some(cycle) = self.view.cycle() {
+            self.notify.progress(now, cycle);
+            self.notify.status(self.view.line());
         }
     }
 
@@ -255,16 +271,60 @@ fn reply(incoming: IncomingRequest, answer: OperatorAnswer) {
     let _ = incoming.answer(answer);
 }
 
-/// One line on stderr. A closed stderr must not end this thread.
+/// One ordinary line of the log.
 pub fn log(line: std::fmt::Arguments<'_>) {
-    let _ = writeln!(std::io::stderr().lock(), "magsteer: {line}");
+    tell(Priority::Info, &[], line);
+}
+
+/// A change of state, with what a filter of the journal would ask for.
+fn log_transition(record: &CycleRecord) {
+    let Some(transition) = record.decision.transition else { return };
+    let (from, to) = (state::name(transition.from), state::name(transition.to));
+    let code = transition.cause.map_or(0, Cause::code);
+    let mut fields: Vec<Field<'_>> = vec![
+        ("MAGSTEER_FROM", &from),
+        ("MAGSTEER_STATE", &to),
+        ("MAGSTEER_CAUSE", &code),
+        ("MAGSTEER_CYCLE", &record.tick.number),
+    ];
+    let text = transition.cause.map(Cause::text);
+    if let Some(text) = &text {
+        fields.push(("MAGSTEER_CAUSE_TEXT", text));
+    }
+    tell(priority(transition.to, transition.cause), &fields, format_args!("{}", TransitionLine(record)));
+}
+
+/// A fault is an error; a stop that nobody asked for, and sensing that was lost, are warnings.
+fn priority(to: u32, cause: Option<Cause>) -> Priority {
+    let was_asked_for = matches!(cause, None | Some(Cause::OperatorStop | Cause::Terminated));
+    match to {
+        state::FAULT => Priority::Error,
+        _ if !was_asked_for => Priority::Warning,
+        state::SAFE_STOP => Priority::Notice,
+        _ => Priority::Info,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use magsteer_hal::operator::{Cause, OperatorRequest, verb};
 
-    use super::{Counts, ReferenceTarget, Verb, parse};
+    use super::{Counts, Priority, ReferenceTarget, Verb, parse, priority, state};
+
+    #[test]
+    fn faults_are_errors_and_stops_that_nobody_asked_for_are_warnings() {
+        for (to, cause, expected) in [
+            (state::FAULT, Some(Cause::EmergencyStop), Priority::Error),
+            (state::SAFE_STOP, Some(Cause::PoseStale), Priority::Warning),
+            (state::HOLDING, Some(Cause::PoseStale), Priority::Warning),
+            (state::SAFE_STOP, Some(Cause::OperatorStop), Priority::Notice),
+            (state::SAFE_STOP, Some(Cause::Terminated), Priority::Notice),
+            (state::ACTIVE, None, Priority::Info),
+            (state::IDLE, None, Priority::Info),
+        ] {
+            assert_eq!(priority(to, cause), expected, "{to} {cause:?}");
+        }
+    }
 
     #[test]
     fn unknown_verbs_and_targets_for_another_count_of_magnets_or_frames_are_refused() {
