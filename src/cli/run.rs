@@ -12,7 +12,7 @@ use magsteer::daemon::{LatencySummary, RunError, RunPlan, RunReport, StopFlag, r
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::output;
-use super::rig_file::{RootArgs, channel_failure};
+use super::rig_file::{RootArgs, channel_failure, keep_files_private};
 
 /// Run the daemon of a rig until it is told to end.
 ///
@@ -43,6 +43,7 @@ pub struct Run {
 
 impl Run {
     pub fn run(&self) -> anyhow::Result<Exit> {
+        keep_files_private();
         let wait = Duration::try_from_secs_f64(self.wait_s);
         let driver_wait = wait.map_err(|error| Failure::usage(format_args!("--wait-s: {error}")))?;
         let (document, config) = Config::load(&self.file)?;

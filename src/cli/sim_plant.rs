@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::ending::{exit_of, managed, watching};
 use super::exit::Exit;
 use super::output;
-use super::rig_file::{RootArgs, channel_failure};
+use super::rig_file::{RootArgs, channel_failure, keep_files_private};
 use super::sim_faults::{FaultArgs, FaultReport, join, telling};
 
 /// Kelvin of zero degrees Celsius.
@@ -86,6 +86,7 @@ pub struct PlantReport {
 
 impl SimPlant {
     pub fn run(&self) -> anyhow::Result<Exit> {
+        keep_files_private();
         let (document, config) = Config::load(&self.file)?;
         let mut settings = document.section::<PlantConfig>("plant")?;
         if let Some(seed) = self.seed {

@@ -4,6 +4,7 @@
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
 use super::error::{ChannelError, Role};
@@ -24,6 +25,8 @@ impl RoleLock {
             .write(true)
             .create(true)
             .truncate(false)
+            // Whoever can read a lock can take it.
+            .mode(0o600)
             .open(&path)
             .map_err(refused)?;
         match file.try_lock() {
