@@ -100,6 +100,7 @@ fn until(mut holds: impl FnMut() -> bool) {
     }
 }
 
+/// Proves SR-01.
 #[test]
 fn process_follows_commands_and_ramps_down_when_they_cease() {
     let (summary, poses) = driven(|commander, _, _| {

@@ -11,6 +11,8 @@ use crate::daemon::trust::Astray;
 use crate::daemon::watch::{Response, response};
 
 /// Goal: over random events, healthy and faulty, what must never happen does not.
+///
+/// Proves SR-03.
 #[test]
 fn random_events_never_break_the_rules() {
     for seed in 0..40 {
