@@ -150,6 +150,11 @@ impl Cursor<'_> {
         self.take::<1>()[0]
     }
 
+    /// True for one byte of four.
+    fn seldom(&mut self) -> bool {
+        self.byte().is_multiple_of(4)
+    }
+
     fn u32(&mut self) -> u32 {
         u32::from_le_bytes(self.take())
     }
@@ -168,24 +173,31 @@ impl Cursor<'_> {
 
     /// A header as it stands, or one that passes, so that what comes behind it is looked at too.
     fn header(&mut self, now: Stamp) -> Header {
-        let mut header = Header::default();
-        let passes = self.byte() % 4 != 0;
-        if passes {
-            (header.sequence, header.epoch, header.schema) = (now.nanoseconds() / 1_000_000, 7, SCHEMA);
-            header.epoch += u64::from(self.byte() % 8 == 0);
-            (header.source_stamp_ns, header.publish_stamp_ns) = (now.nanoseconds(), now.nanoseconds());
-            header.valid_until_ns = now.after(Duration::from_millis(100)).nanoseconds();
-        } else {
-            (header.sequence, header.source_stamp_ns) = (self.u64(), self.u64());
-            (header.publish_stamp_ns, header.epoch) = (self.u64(), self.u64());
-            (header.schema, header.flags, header.valid_until_ns) = (self.u32(), self.u32(), self.u64());
+        if self.seldom() {
+            return Header {
+                sequence: self.u64(),
+                source_stamp_ns: self.u64(),
+                publish_stamp_ns: self.u64(),
+                epoch: self.u64(),
+                schema: self.u32(),
+                flags: self.u32(),
+                valid_until_ns: self.u64(),
+            };
         }
-        header
+        Header {
+            sequence: now.nanoseconds() / 1_000_000,
+            source_stamp_ns: now.nanoseconds(),
+            publish_stamp_ns: now.nanoseconds(),
+            epoch: 7 + u64::from(self.byte().is_multiple_of(8)),
+            schema: SCHEMA,
+            flags: 0,
+            valid_until_ns: now.after(Duration::from_millis(100)).nanoseconds(),
+        }
     }
 
     /// A count that fits, or any.
     fn count(&mut self, fitting: usize) -> u32 {
-        if self.byte() % 4 == 0 { self.u32() } else { u32::try_from(fitting).unwrap_or(u32::MAX) }
+        if self.seldom() { self.u32() } else { u32::try_from(fitting).unwrap_or(u32::MAX) }
     }
 
     fn actuation(&mut self) -> Actuation {
@@ -219,9 +231,11 @@ pub fn messages(bytes: &[u8]) {
 
 fn take_poses(cursor: &mut Cursor<'_>, receiver: &mut PoseReceiver, now: Stamp) {
     let used = RIG.magnets().count();
-    let mut message = PoseMessage::default();
-    message.header = cursor.header(now);
-    message.magnet_count = cursor.count(used);
+    let mut message = PoseMessage {
+        header: cursor.header(now),
+        magnet_count: cursor.count(used),
+        ..PoseMessage::default()
+    };
     for magnet in message.magnets.iter_mut().take(used) {
         magnet.valid = cursor.count(1);
         // Values of a rod here, with one of them anything.
@@ -246,13 +260,16 @@ fn take_poses(cursor: &mut Cursor<'_>, receiver: &mut PoseReceiver, now: Stamp) 
 }
 
 fn take_feedback(cursor: &mut Cursor<'_>, receiver: &mut FeedbackReceiver, now: Stamp) {
-    let mut message = CoilFeedback::default();
-    message.header = cursor.header(now);
-    message.description_fingerprint = if cursor.byte() % 4 == 0 { cursor.u64() } else { RIG.fingerprint() };
-    (message.state, message.fault) = (cursor.u32() % 6, cursor.u32());
-    message.coil_count = cursor.count(RIG.coils.len());
-    message.pose_parameter_count = cursor.count(RIG.frames.len());
-    message.measured = cursor.actuation();
+    let message = CoilFeedback {
+        header: cursor.header(now),
+        description_fingerprint: if cursor.seldom() { cursor.u64() } else { RIG.fingerprint() },
+        state: cursor.u32() % 6,
+        fault: cursor.u32(),
+        coil_count: cursor.count(RIG.coils.len()),
+        pose_parameter_count: cursor.count(RIG.frames.len()),
+        measured: cursor.actuation(),
+        ..CoilFeedback::default()
+    };
     let reading = receiver.receive(Some(&message), now);
     assert_eq!(reading.fresh, reading.refused.is_none());
     let Some(last) = reading.last else { return };
@@ -261,16 +278,17 @@ fn take_feedback(cursor: &mut Cursor<'_>, receiver: &mut FeedbackReceiver, now: 
 }
 
 fn take_command(cursor: &mut Cursor<'_>, guard: &mut CommandGuard, now: Stamp) {
-    let mut command = CoilCommand::default();
-    command.header = cursor.header(now);
-    (command.token, command.order) = (u64::from(cursor.byte() % 4), u32::from(cursor.byte() % 6));
-    command.coil_count = cursor.count(RIG.coils.len());
-    command.pose_parameter_count = cursor.count(RIG.frames.len());
-    if cursor.byte() % 4 != 0 {
-        command.actuation = cursor.actuation();
-    }
+    let command = CoilCommand {
+        header: cursor.header(now),
+        token: u64::from(cursor.byte() % 4),
+        order: u32::from(cursor.byte() % 6),
+        coil_count: cursor.count(RIG.coils.len()),
+        pose_parameter_count: cursor.count(RIG.frames.len()),
+        actuation: if cursor.seldom() { Actuation::default() } else { cursor.actuation() },
+        ..CoilCommand::default()
+    };
     let _ = guard.offer(&command, now);
-    let period_s = if cursor.byte() % 4 == 0 { cursor.f64() } else { 1e-3 };
+    let period_s = if cursor.seldom() { cursor.f64() } else { 1e-3 };
     let setpoint = guard.setpoint(now, period_s);
     for (current, coil) in setpoint.actuation().current_a.iter().zip(&RIG.coils) {
         assert!(current.abs() <= coil.current_max, "{current}");
@@ -281,10 +299,17 @@ fn take_command(cursor: &mut Cursor<'_>, guard: &mut CommandGuard, now: Stamp) {
 }
 
 fn take_fault(cursor: &mut Cursor<'_>, injector: &mut Injector, now: Stamp) {
-    let mut request = FaultRequest::default();
-    (request.action, request.target, request.part) = (cursor.u32() % 4, cursor.u32() % 7, cursor.u32() % 5);
-    (request.index, request.verb, request.kind) = (cursor.count(1), cursor.u32() % 16, cursor.u32() % 6);
-    (request.lasts_ns, request.time_ns, request.value) = (cursor.u64(), cursor.u64(), cursor.f64());
+    let request = FaultRequest {
+        action: cursor.u32() % 4,
+        target: cursor.u32() % 7,
+        part: cursor.u32() % 5,
+        index: cursor.count(1),
+        verb: cursor.u32() % 16,
+        kind: cursor.u32() % 6,
+        lasts_ns: cursor.u64(),
+        time_ns: cursor.u64(),
+        value: cursor.f64(),
+    };
     let answer = FaultAnswer::to(&request, injector, now);
     assert!(answer.accepted <= 1);
 }
