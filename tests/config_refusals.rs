@@ -220,6 +220,7 @@ fn the_configuration_that_the_cases_change_is_right() {
     }
 }
 
+/// Proves SR-22.
 #[test]
 fn each_mistyped_configuration_is_refused_with_file_line_value_and_range() {
     assert!(CASES.len() >= 25);
@@ -352,6 +353,8 @@ fn a_magnet_may_come_first_and_a_coil_may_stand_still() {
 
 /// Goal: whatever stands in place of a value, and whichever line is missing, the answer is a configuration or problems with
 /// places: never a panic.
+///
+/// Proves SR-22.
 #[test]
 fn no_value_and_no_missing_line_escapes_the_checks() {
     let odd = [

@@ -240,6 +240,7 @@ fn a_signal_while_steering_ramps_down_before_the_daemon_ends() {
     driver.end();
 }
 
+/// Proves SR-24.
 #[test]
 fn a_panic_in_the_loop_ends_with_an_error_and_coils_at_zero() {
     let Steering { _root, driver, daemon, mut operator, .. } = Steering::begin();

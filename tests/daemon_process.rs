@@ -167,6 +167,7 @@ fn sigint_while_steering_ramps_down_and_ends_with_130() {
     assert_eq!(world.driver.end().limit_breaks(), 0);
 }
 
+/// Proves SR-15.
 #[test]
 fn sigterm_while_idle_ends_with_143_and_closed_input_with_0() {
     let world = World::new();

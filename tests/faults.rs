@@ -36,6 +36,7 @@ fn expect(target: &str, cases: &[(&str, Answer)]) {
     }
 }
 
+/// Proves SR-10.
 #[test]
 fn poses_that_do_not_come_or_are_refused_hold_then_stop() {
     let stale = stops(Cause::PoseStale, POSE_STOP);
@@ -126,6 +127,7 @@ fn poses_lost_for_less_than_the_stop_limit_are_ridden_through() {
     );
 }
 
+/// Proves SR-02.
 #[test]
 fn feedback_that_does_not_come_or_is_refused_stops_and_cuts() {
     let blind = stops_and_cuts(Cause::FeedbackStale, FEEDBACK_STOP);
@@ -150,6 +152,7 @@ fn feedback_that_is_stuck_is_found_out_by_its_echo() {
     expect("feedback", &[("verb = 'stuck'", stops_and_cuts(Cause::FeedbackStale, FEEDBACK_STOP))]);
 }
 
+/// Proves SR-12.
 #[test]
 fn feedback_of_impossible_currents_cuts_at_once() {
     let over = stops(Cause::OverCurrent, 0.01);
@@ -239,6 +242,8 @@ fn actuators_that_lag_a_little_are_ridden_through() {
 
 /// Goal: commands that the driver's guard refuses end authority; the driver ramps down alone, and the daemon
 /// sees it.
+///
+/// Proves SR-04.
 #[test]
 fn commands_that_go_wrong_are_refused_and_end_authority() {
     let lost = stops(Cause::AuthorityLost, COMMAND_VALIDITY);

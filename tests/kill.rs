@@ -46,6 +46,7 @@ fn assert_came_to_zero_in_time(world: &World, end: &End) {
     println!("{took:.1} ms from the last command to zero, of {allowed:.1} ms and {held_up:.1} ms of delay");
 }
 
+/// Proves SR-01.
 #[test]
 fn a_killed_daemon_leaves_coils_at_zero_in_the_watchdogs_time_and_the_next_one_steers() {
     let world = World::new();
@@ -60,6 +61,7 @@ fn a_killed_daemon_leaves_coils_at_zero_in_the_watchdogs_time_and_the_next_one_s
     assert_came_to_zero_in_time(&world, &plant.end());
 }
 
+/// Proves SR-02 and SR-03.
 #[test]
 fn a_killed_plant_ends_steering_in_a_fault_and_its_follower_is_steered_by_the_same_daemon() {
     let world = World::new();
@@ -92,6 +94,7 @@ fn a_killed_plant_ends_steering_in_a_fault_and_its_follower_is_steered_by_the_sa
     assert_came_to_zero_in_time(&world, &plant.end());
 }
 
+/// Proves SR-01 and SR-03.
 #[test]
 fn a_daemon_stopped_for_a_second_finds_coils_at_zero_and_does_not_resume() {
     let world = World::new();
@@ -136,6 +139,7 @@ fn signalled(signal: Signal) -> (End, End) {
     panic!("starved five times");
 }
 
+/// Proves SR-15.
 #[test]
 fn sigint_and_sigterm_ramp_down_on_measured_current_and_end_with_130_and_143() {
     for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
@@ -188,6 +192,7 @@ fn bring_to(moment: Moment, world: &World, daemon: &mut Process) {
     assert!(daemon.runs());
 }
 
+/// Proves SR-01.
 #[test]
 fn a_daemon_killed_at_any_moment_leaves_coils_at_zero_and_a_clean_start_to_the_next() {
     let mut random = ChaCha8Rng::seed_from_u64(6);
@@ -222,6 +227,7 @@ fn a_daemon_killed_at_any_moment_leaves_coils_at_zero_and_a_clean_start_to_the_n
     assert_came_to_zero_in_time(&world, &plant.end());
 }
 
+/// Proves SR-05.
 #[test]
 fn a_second_daemon_and_a_second_plant_are_refused_with_69_and_the_holders_process() {
     let world = World::new();

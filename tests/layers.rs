@@ -328,6 +328,25 @@ fn the_model_reads_no_clock_either() {
     }
 }
 
+/// `unsafe` is denied by the workspace's lints; this holds who may lift the lint.
+#[test]
+fn unsafe_code_stands_in_the_file_of_kernel_calls_and_the_counting_allocator_alone() {
+    let is_unsafe = |source: &Source| source.names("unsafe") || source.names("unsafe_code");
+    assert!(is_unsafe(&Source::new("a.rs", "#![expect(unsafe_code)]")));
+    assert!(is_unsafe(&Source::new("a.rs", "let x = unsafe { f() };")));
+    assert!(!is_unsafe(&Source::new("a.rs", "// unsafe\nlet x = \"unsafe\";")));
+    let except = ["src/daemon/kernel.rs", "tests/counting_allocator"];
+    for folder in ["src", "hal", "sim-plant", "tests", "benches"] {
+        assert_eq!(offenders(folder, &except, is_unsafe), Vec::<String>::new());
+    }
+    let lints: toml::Table = manifest("Cargo.toml").parse().unwrap();
+    assert_eq!(lints["workspace"]["lints"]["rust"]["unsafe_code"].as_str(), Some("deny"));
+    for path in ["Cargo.toml", "hal/Cargo.toml", "sim-plant/Cargo.toml"] {
+        let lints: toml::Table = manifest(path).parse().unwrap();
+        assert_eq!(lints["lints"]["workspace"].as_bool(), Some(true), "{path}");
+    }
+}
+
 #[test]
 fn the_transport_is_named_in_the_contract_alone() {
     for folder in ["src", "sim-plant"] {

@@ -81,6 +81,7 @@ impl Visited {
     }
 }
 
+/// Proves SR-19.
 #[test]
 fn cycles_with_faults_and_rearming_allocate_nothing() {
     let description = example_description();
@@ -194,6 +195,8 @@ impl Misreading {
 
 /// Goal: the same with the real controller, its frames held and steered. The rig's magnets do not obey its currents, so that the
 /// loop drives them to their limits, and measured currents jump, so that the model does not converge.
+///
+/// Proves SR-19.
 #[test]
 fn the_real_controller_allocates_nothing() {
     for (file, seed) in [("bigmag-planar.toml", 12), ("bigmag-3d.toml", 14)] {
@@ -267,6 +270,7 @@ impl Driver {
     }
 }
 
+/// Proves SR-19.
 #[test]
 fn over_shared_memory_a_cycle_allocates_once_for_a_message_sent() {
     let root = PrivateRoot::create("ms").expect("shared memory is there");

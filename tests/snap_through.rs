@@ -152,6 +152,8 @@ fn unguarded_rod_snaps_through() {
 
 /// Goal: the scout refuses the target before the reference moves, names the cause, and the loop goes on
 /// steering where it was.
+///
+/// Proves SR-25.
 #[test]
 fn target_beyond_a_snap_through_is_refused_before_anything_moves() {
     let mut bench = standing(&setup(true, true));

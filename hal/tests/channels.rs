@@ -101,6 +101,7 @@ fn daemon_meets_a_driver_that_starts_later() {
     fresh_pose(&mut driver, &mut daemon);
 }
 
+/// Proves SR-05.
 #[test]
 fn second_driver_and_second_daemon_are_refused_with_the_holder() {
     let (_root, endpoint) = endpoint();

@@ -8,7 +8,7 @@
 //! Told to stop, it takes no more commands: authority lapses, the guard ramps to zero, and the loop
 //! ends on the measured current, or on a cut after a bounded time.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -67,12 +67,13 @@ struct Loop<'a> {
 }
 
 /// Runs the plant in real time until `stop` is set and the coils are at zero. Begins and ends of faults are
-/// handed to `tell`, which must not wait.
+/// handed to `tell`, which must not wait. `wakes` counts wake-ups, for whoever watches that this goes on.
 pub fn run(
     plant: &mut Plant,
     config: &RealTimeConfig,
     end: &mut DriverEnd,
     stop: &AtomicBool,
+    wakes: &AtomicU64,
     tell: impl Fn(FaultEvent),
 ) -> Summary {
     let wake = Duration::from_micros(config.wake_us);
@@ -101,6 +102,7 @@ pub fn run(
             stopped = Some(now);
         }
         running.wake(now, stopped.is_none());
+        wakes.fetch_add(1, Ordering::Relaxed);
         while let Some(event) = running.end.take_fault_event() {
             tell(event);
         }

@@ -3,7 +3,7 @@
 #[path = "../src/fixture.rs"]
 mod fixture;
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -78,7 +78,7 @@ fn driven(finish: impl Fn(&mut Commander, &Actuation, &AtomicBool)) -> (Summary,
     thread::scope(|scope| {
         let process = scope.spawn(|| {
             let mut end = DriverEnd::create(&endpoint).expect("a driver");
-            run(&mut plant, &config.real_time, &mut end, &stop, |_| ())
+            run(&mut plant, &config.real_time, &mut end, &stop, &AtomicU64::new(0), |_| ())
         });
         let mut commander = Commander::new(&endpoint, &description);
         until(|| {
@@ -100,6 +100,7 @@ fn until(mut holds: impl FnMut() -> bool) {
     }
 }
 
+/// Proves SR-01.
 #[test]
 fn process_follows_commands_and_ramps_down_when_they_cease() {
     let (summary, poses) = driven(|commander, _, _| {
@@ -151,7 +152,7 @@ fn process_that_cannot_catch_up_leaves_time_out_and_counts_it() {
             thread::sleep(Duration::from_millis(200));
             stop.store(true, Ordering::Relaxed);
         });
-        let summary = run(&mut plant, &config.real_time, &mut end, &stop, |_| ());
+        let summary = run(&mut plant, &config.real_time, &mut end, &stop, &AtomicU64::new(0), |_| ());
         process.join().expect("the timer ended");
         summary
     });

@@ -52,6 +52,11 @@ impl RigArgs {
     }
 }
 
+/// From here on this process makes files for its user alone: recordings, and whatever the transport keeps.
+pub fn keep_files_private() {
+    rustix::process::umask(rustix::fs::Mode::RWXG | rustix::fs::Mode::RWXO);
+}
+
 /// A channel that could not be opened, with its exit code.
 pub fn channel_failure(error: ChannelError) -> anyhow::Error {
     let exit = match &error {

@@ -13,7 +13,7 @@ use magsteer::daemon::{DaemonConfig, LatencySummary, Mode, RunError, RunPlan, Ru
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::output;
-use super::rig_file::{RootArgs, channel_failure};
+use super::rig_file::{RootArgs, channel_failure, keep_files_private};
 
 /// Run the daemon of a rig until it is told to end.
 ///
@@ -51,6 +51,7 @@ pub struct Run {
 
 impl Run {
     pub fn run(&self) -> anyhow::Result<Exit> {
+        keep_files_private();
         let wait = Duration::try_from_secs_f64(self.wait_s);
         let driver_wait = wait.map_err(|error| Failure::usage(format_args!("--wait-s: {error}")))?;
         let (document, config) = Config::load(&self.file)?;

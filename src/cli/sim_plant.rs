@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use clap::Args;
 use magsteer::config::{Config, Problems};
@@ -11,10 +11,10 @@ use magsteer_sim_plant::actuation::{Fault, fault_code};
 use magsteer_sim_plant::{PlantConfig, process};
 use serde::{Deserialize, Serialize};
 
-use super::ending::{exit_of, watching};
+use super::ending::{exit_of, managed, watching};
 use super::exit::Exit;
 use super::output;
-use super::rig_file::{RootArgs, channel_failure};
+use super::rig_file::{RootArgs, channel_failure, keep_files_private};
 use super::sim_faults::{FaultArgs, FaultReport, join, telling};
 
 /// Kelvin of zero degrees Celsius.
@@ -89,6 +89,7 @@ pub struct PlantReport {
 
 impl SimPlant {
     pub fn run(&self) -> anyhow::Result<Exit> {
+        keep_files_private();
         let (document, config) = Config::load(&self.file)?;
         let mut settings = document.section::<PlantConfig>("plant")?;
         if let Some(seed) = self.seed {
@@ -114,7 +115,10 @@ impl SimPlant {
                 endpoint.rig(),
                 settings.sensor
             ));
-            anyhow::Ok(telling(|tell| process::run(&mut plant, &settings.real_time, &mut end, &ended, tell)))
+            let (real_time, wakes) = (&settings.real_time, AtomicU64::new(0));
+            anyhow::Ok(managed(&stop, &wakes, "running", || {
+                telling(|tell| process::run(&mut plant, real_time, &mut end, &ended, &wakes, tell))
+            }))
         })??;
         let report = PlantReport::of(&summary);
         if self.json {

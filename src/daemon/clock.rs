@@ -145,6 +145,7 @@ mod tests {
         }
     }
 
+    /// Proves SR-21.
     #[test]
     fn a_stall_skips_whole_periods_counts_them_and_never_bursts() {
         let mut schedule = Schedule::starting_at(at_us(0), PERIOD);

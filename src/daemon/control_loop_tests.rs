@@ -182,12 +182,14 @@ fn targets_given_up_give_way_to_what_is_in_force() {
     assert_ne!(bench.cycle().admitted, before.admitted);
 }
 
+/// Proves SR-09.
 #[test]
 fn nothing_is_sent_before_arming() {
     let mut bench = Bench::new();
     assert!(bench.cycles(50).iter().all(|record| record.order.is_none()));
 }
 
+/// Proves SR-08.
 #[test]
 fn the_first_command_equals_what_was_measured_then_it_slews() {
     let mut bench = Bench::new();
@@ -251,6 +253,7 @@ fn currents_hold_while_sensing_is_lost_briefly() {
     assert_eq!(bench.cycles(3)[2].decision.state, state::ACTIVE);
 }
 
+/// Proves SR-06.
 #[test]
 fn a_request_that_is_not_finite_is_never_sent_and_trips() {
     let mut bench = Bench::active();
@@ -315,6 +318,7 @@ fn a_drivers_fault_cuts_the_amplifiers_until_it_is_gone_and_reset() {
     bench.ask(Verb::Arm).expect("a claim puts cut amplifiers back to work");
 }
 
+/// Proves SR-14.
 #[test]
 fn an_emergency_stop_from_idle_is_obeyed_by_the_driver() {
     let mut bench = Bench::new();

@@ -22,6 +22,8 @@
 //! | `runner` | the loop's thread |
 //! | `telemetry`, `view` | the other thread: requests, status, log lines |
 //! | `recorder` | the last seconds of every cycle, written out after a trip; the journal of events |
+//! | `notify` | what the service manager is told; its watchdog is fed by the loop's progress alone |
+//! | `journal` | where log lines go, with priorities and fields |
 //! | `target` | targets and tangents as people write and read them |
 //! | `target_rules` | which targets a rig can take |
 //! | `lockstep` | the loop under stepped time: plays an experiment faster than real time |
@@ -35,13 +37,15 @@ mod config;
 mod control_loop;
 #[cfg(test)]
 mod control_loop_tests;
+mod journal;
 pub mod kernel;
 pub mod lockstep;
+mod monitors;
+mod notify;
+mod passive;
 mod phases;
 mod receipt;
 pub mod recorder;
-mod monitors;
-mod passive;
 mod run;
 mod run_digest;
 mod runner;
@@ -60,11 +64,15 @@ mod trust;
 mod view;
 mod watch;
 
-mod monitors;
-mod passive;
-mod phases;
-mod receipt;
-pub mod recorder;
+pub use causes::{Response, holds_currents, is_monitor, response};
+pub use clock::{Clock, Pace, Schedule, Tick};
+pub use config::{DaemonConfig, Limits, Mode, RealtimePolicy, SafeAction};
+pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
+pub use monitors::{MonitorLimits, MonitorReport, Monitors, MonitorsConfig, Sample, SequenceCounts};
+pub use notify::Notify;
+pub use passive::Judgements;
+pub use phases::{Phase, PhaseTimes, PhaseWatch, StopWatch, Untimed};
+pub use receipt::Receipt;
 pub use run::{RunError, RunPlan, RunReport, run};
 pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};

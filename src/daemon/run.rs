@@ -28,8 +28,9 @@ use super::kernel::{
     RealtimeItem, RealtimeReport, RealtimeRequest, ThreadUsage, request_helper_realtime, request_ordinary,
     request_realtime,
 };
-use super::recorder::{Recorder, RecorderPlan, RecorderState};
 use super::monitors::MonitorReport;
+use super::notify::Notify;
+use super::recorder::{Recorder, RecorderPlan, RecorderState};
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::Statistics;
 use super::telemetry::{Telemetry, TelemetryRings, log};
@@ -162,6 +163,8 @@ pub fn run<S: Step + Send>(
     make_controller: impl FnOnce() -> S + Send,
     stop: &StopFlag,
 ) -> Result<RunReport, RunError> {
+    let mut notify = Notify::from_environment();
+    notify.status("waiting for a driver");
     let services = find_driver(plan, stop)?;
     let operators = OperatorServices::create(plan.endpoint)?;
     let (loop_rings, telemetry_rings) = rings(plan.config);
@@ -199,8 +202,8 @@ pub fn run<S: Step + Send>(
             std::thread::Builder::new().name("magsteer-comms".to_owned()).spawn_scoped(scope, || {
                 tell_refused(&request_ordinary(plan.config.cpu));
                 let server = operators.into_server()?;
-                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm, recorder)
-                    .serve(&counters);
+                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm, recorder, notify)
+                    .serve(&counters, stop);
                 Ok(())
             });
         let telemetry_thread = telemetry_thread.inspect_err(|_| stop.request(THREAD_DIED))?;

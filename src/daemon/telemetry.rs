@@ -4,7 +4,6 @@
 //! is handed to the loop and answered when the loop answers; one that waits longer than an operator
 //! does is dropped without an answer, which counts as not done.
 
-use std::io::Write;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -17,8 +16,10 @@ use crate::control::ReferenceTarget;
 
 use super::config::DaemonConfig;
 use super::control_loop::CycleRecord;
+use super::journal::{Field, Priority, tell};
+use super::notify::Notify;
 use super::recorder::Recorder;
-use super::runner::LoopCounters;
+use super::runner::{LoopCounters, StopFlag};
 use super::state::{Answer, Request, Verb};
 use super::view::{StatusView, TransitionLine};
 
@@ -74,10 +75,11 @@ pub struct Telemetry {
     arm_at_start: Option<ArmAtStart>,
     rig: Counts,
     recorder: Option<Recorder>,
+    notify: Notify,
 }
 
 impl Telemetry {
-    /// Serves operators of this rig; `arm`: arms as soon as the rig is ready.
+    /// Serves operators of this rig and tells the service manager; `arm`: arms as soon as the rig is ready.
     #[must_use]
     pub fn new(
         server: OperatorServer,
@@ -86,6 +88,7 @@ impl Telemetry {
         config: &DaemonConfig,
         arm: bool,
         recorder: Option<Recorder>,
+        notify: Notify,
     ) -> Self {
         let now = Stamp::now();
         Self {
@@ -102,17 +105,19 @@ impl Telemetry {
                 frames: u32::try_from(description.frames.len()).unwrap_or(u32::MAX),
             },
             recorder,
+            notify,
         }
     }
 
-    /// Serves until the loop has ended and everything it left was told.
-    pub fn serve(&mut self, counters: &LoopCounters) {
+    /// Serves until the loop has ended and everything it left was told; `stop` asks the loop to end.
+    pub fn serve(&mut self, counters: &LoopCounters, stop: &StopFlag) {
         loop {
             let ended = self.rings.records.is_abandoned();
             let now = Stamp::now();
             let dropped = counters.records_dropped.load(Ordering::Relaxed);
             self.recorder.iter_mut().for_each(|recorder| recorder.set_dropped(dropped));
             self.take_records();
+            self.tell_manager(now, stop);
             self.take_answers();
             self.take_requests(now);
             self.try_to_arm(now);
@@ -136,7 +141,7 @@ impl Telemetry {
     fn take_records(&mut self) {
         while let Ok(record) = self.rings.records.pop() {
             if record.decision.transition.is_some() {
-                log(format_args!("{}", TransitionLine(&record)));
+                log_transition(&record);
             }
             if let Some(cause) = record.decision.given_up {
                 log(format_args!("target given up: {} (cause {})", cause.text(), cause.code()));
@@ -146,6 +151,17 @@ impl Telemetry {
                 log(format_args!("passive: would have tripped: {} (cause {})", cause.text(), cause.code()));
             }
             self.view.take(&record);
+        }
+    }
+
+    /// Ready, alive and state by what the loop has done; stopping by what it was asked.
+    fn tell_manager(&mut self, now: Stamp, stop: &StopFlag) {
+        if stop.requested().is_some() {
+            self.notify.stopping();
+        }
+        if let Some(cycle) = self.view.cycle() {
+            self.notify.progress(now, cycle);
+            self.notify.status(self.view.line());
         }
     }
 
@@ -294,16 +310,60 @@ fn reply(incoming: IncomingRequest, answer: OperatorAnswer) {
     let _ = incoming.answer(answer);
 }
 
-/// One line on stderr. A closed stderr must not end this thread.
+/// One ordinary line of the log.
 pub fn log(line: std::fmt::Arguments<'_>) {
-    let _ = writeln!(std::io::stderr().lock(), "magsteer: {line}");
+    tell(Priority::Info, &[], line);
+}
+
+/// A change of state, with what a filter of the journal would ask for.
+fn log_transition(record: &CycleRecord) {
+    let Some(transition) = record.decision.transition else { return };
+    let (from, to) = (state::name(transition.from), state::name(transition.to));
+    let code = transition.cause.map_or(0, Cause::code);
+    let mut fields: Vec<Field<'_>> = vec![
+        ("MAGSTEER_FROM", &from),
+        ("MAGSTEER_STATE", &to),
+        ("MAGSTEER_CAUSE", &code),
+        ("MAGSTEER_CYCLE", &record.tick.number),
+    ];
+    let text = transition.cause.map(Cause::text);
+    if let Some(text) = &text {
+        fields.push(("MAGSTEER_CAUSE_TEXT", text));
+    }
+    tell(priority(transition.to, transition.cause), &fields, format_args!("{}", TransitionLine(record)));
+}
+
+/// A fault is an error; a stop that nobody asked for, and sensing that was lost, are warnings.
+fn priority(to: u32, cause: Option<Cause>) -> Priority {
+    let was_asked_for = matches!(cause, None | Some(Cause::OperatorStop | Cause::Terminated));
+    match to {
+        state::FAULT => Priority::Error,
+        _ if !was_asked_for => Priority::Warning,
+        state::SAFE_STOP => Priority::Notice,
+        _ => Priority::Info,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use magsteer_hal::operator::{Cause, OperatorRequest, verb};
 
-    use super::{Counts, ReferenceTarget, Verb, parse};
+    use super::{Counts, Priority, ReferenceTarget, Verb, parse, priority, state};
+
+    #[test]
+    fn faults_are_errors_and_stops_that_nobody_asked_for_are_warnings() {
+        for (to, cause, expected) in [
+            (state::FAULT, Some(Cause::EmergencyStop), Priority::Error),
+            (state::SAFE_STOP, Some(Cause::PoseStale), Priority::Warning),
+            (state::HOLDING, Some(Cause::PoseStale), Priority::Warning),
+            (state::SAFE_STOP, Some(Cause::OperatorStop), Priority::Notice),
+            (state::SAFE_STOP, Some(Cause::Terminated), Priority::Notice),
+            (state::ACTIVE, None, Priority::Info),
+            (state::IDLE, None, Priority::Info),
+        ] {
+            assert_eq!(priority(to, cause), expected, "{to} {cause:?}");
+        }
+    }
 
     #[test]
     fn unknown_verbs_and_targets_for_another_count_of_magnets_or_frames_are_refused() {

@@ -86,6 +86,19 @@ impl StatusView {
         self.newest.as_ref().map_or(state::BOOT, |record| record.decision.state)
     }
 
+    /// Number of the newest cycle; `None` before the first.
+    #[must_use]
+    pub fn cycle(&self) -> Option<u64> {
+        self.newest.as_ref().map(|record| record.tick.number)
+    }
+
+    /// State and cause in words, for a service manager.
+    #[must_use]
+    pub fn line(&self) -> StateLine {
+        let cause = self.newest.as_ref().and_then(|record| record.decision.cause);
+        StateLine { state: self.state(), cause }
+    }
+
     /// The message to publish now; `None` before the first cycle. `records_dropped`: cycles that never came
     /// here.
     pub fn message(&mut self, records_dropped: u64) -> Option<StatusMessage> {
@@ -150,6 +163,20 @@ const fn verdict_code(known: &Verdict) -> u32 {
 
 fn microseconds(duration: Duration) -> f64 {
     duration.as_secs_f64() * 1e6
+}
+
+/// State and cause in words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StateLine {
+    state: u32,
+    cause: Option<Cause>,
+}
+
+impl fmt::Display for StateLine {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}", state::name(self.state))?;
+        self.cause.map_or(Ok(()), |cause| write!(formatter, ": {} (cause {})", cause.text(), cause.code()))
+    }
 }
 
 /// A change of state, as a line of the log.

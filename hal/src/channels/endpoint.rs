@@ -1,8 +1,13 @@
 //! Where a rig's channels live: the rig's name and the root directory that all its participants share.
+//!
+//! Who may read and command is decided here, by the user: the root is a directory of mode 0700 that belongs to this process's
+//! user, or it is refused. What the transport makes below it and in `/dev/shm` is for its owner alone, but for one segment
+//! (the count of nodes), which it opens to everybody; that one is closed as soon as it is there. A segment of this root that
+//! belongs to somebody else is refused too.
 
 use std::fs::DirBuilder;
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -10,7 +15,7 @@ use iceoryx2::prelude::{Config, FileName, NodeBuilder, SemanticString, SignalHan
 use sha2::{Digest, Sha256};
 
 use super::error::ChannelError;
-use super::membership::{Membership, SEGMENTS, Sweeper};
+use super::membership::{Membership, SEGMENTS, Sweeper, seal};
 use super::service::retried;
 
 /// Environment variable that names the root directory when no argument does.
@@ -36,8 +41,8 @@ impl Endpoint {
     /// Creates the directory, for this user alone, when it is missing.
     ///
     /// # Errors
-    /// When the name is not a rig's, or the directory cannot be made, is too long or (the default one) belongs to
-    /// somebody else.
+    /// When the name is not a rig's, or the directory cannot be made, is too long, belongs to somebody else or is open
+    /// to others.
     pub fn new(rig: &str, root: Option<&Path>) -> Result<Self, ChannelError> {
         let allowed = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
         if rig.is_empty() || rig.len() > 40 || !rig.chars().all(allowed) {
@@ -48,8 +53,16 @@ impl Endpoint {
             (!value.is_empty()).then(|| PathBuf::from(value))
         });
         let root = match named {
-            Some(root) => usable_directory(root, false)?,
-            None => usable_directory(default_root(), true)?,
+            Some(root) => usable_directory(&root)?,
+            None => {
+                let root = default_root();
+                let usable = usable_directory(&root)?;
+                if usable != root {
+                    let why = "is a link; name the directory itself in MAGSTEER_ROOT";
+                    return Err(denied(root, why));
+                }
+                usable
+            }
         };
         let length = root.as_os_str().len();
         if length > ROOT_LENGTH_MAX {
@@ -80,13 +93,16 @@ impl Endpoint {
     pub(super) fn join(&self, connection_wait: Duration) -> Result<Membership, ChannelError> {
         let config = self.config(connection_wait)?;
         let refused = |source| ChannelError::Root { path: self.root.clone(), source };
-        let sweeper = Sweeper::start(prefix(&self.root)).map_err(refused)?;
+        let prefix = prefix(&self.root);
+        seal(&prefix)?;
+        let sweeper = Sweeper::start(prefix.clone()).map_err(refused)?;
         let node = retried("node", || {
             NodeBuilder::new()
                 .signal_handling_mode(SignalHandlingMode::Disabled)
                 .config(&config)
                 .create::<ipc::Service>()
         })?;
+        seal(&prefix)?;
         Ok(Membership { node, _sweeper: sweeper })
     }
 
@@ -115,25 +131,62 @@ fn default_root() -> PathBuf {
     PathBuf::from(format!("{SEGMENTS}/magsteer-{}", rustix::process::getuid().as_raw()))
 }
 
-fn usable_directory(root: PathBuf, own: bool) -> Result<PathBuf, ChannelError> {
-    let refused = |source| ChannelError::Root { path: root.clone(), source };
-    DirBuilder::new().recursive(true).mode(0o700).create(&root).map_err(refused)?;
+/// Makes the directory where it is missing, and refuses one that is not this user's alone.
+fn usable_directory(root: &Path) -> Result<PathBuf, ChannelError> {
+    /// Any access of the group and of others.
+    const OTHERS: u32 = 0o077;
+    let refused = |source| ChannelError::Root { path: root.to_owned(), source };
+    DirBuilder::new().recursive(true).mode(0o700).create(root).map_err(refused)?;
     let absolute = root.canonicalize().map_err(refused)?;
-    if own {
-        let owner = absolute.metadata().map_err(refused)?.uid();
-        if owner != rustix::process::getuid().as_raw() || absolute != root {
-            let why = "belongs to another user or is a link; name another one in MAGSTEER_ROOT";
-            return Err(refused(io::Error::new(io::ErrorKind::PermissionDenied, why)));
-        }
+    let found = absolute.metadata().map_err(refused)?;
+    let (owner, own) = (found.uid(), rustix::process::getuid().as_raw());
+    if owner != own {
+        let why =
+            format!("belongs to user {owner}, this is user {own}: all of a rig's processes run as one user");
+        return Err(denied(absolute, &why));
+    }
+    let mode = found.permissions().mode() & 0o7777;
+    if mode & OTHERS != 0 {
+        let why =
+            format!("is open to other users (mode {mode:03o}): chmod 700 it, or name another directory");
+        return Err(denied(absolute, &why));
     }
     Ok(absolute)
 }
 
+/// A root or segment that must not be used, though it could be.
+pub(super) fn denied(path: PathBuf, why: &str) -> ChannelError {
+    ChannelError::Root { path, source: io::Error::new(io::ErrorKind::PermissionDenied, why) }
+}
+
 #[cfg(test)]
 mod tests {
+    use std::fs::{self, Permissions};
+    use std::os::unix::fs::{PermissionsExt, chown};
     use std::path::Path;
 
     use super::{ChannelError, Endpoint};
+
+    /// Proves SR-16.
+    #[test]
+    fn root_that_others_may_enter_or_that_is_somebody_elses_is_refused_with_the_remedy() {
+        let root = tempfile::tempdir().expect("a directory");
+        for mode in [0o755, 0o770, 0o701, 0o777, 0o1777] {
+            fs::set_permissions(root.path(), Permissions::from_mode(mode)).expect("own directory");
+            let refused = Endpoint::new("rig", Some(root.path())).expect_err("open to others");
+            assert!(refused.to_string().contains(&format!("(mode {mode:03o}): chmod 700")), "{refused}");
+        }
+        fs::set_permissions(root.path(), Permissions::from_mode(0o700)).expect("own directory");
+        Endpoint::new("rig", Some(root.path())).expect("own and closed");
+        if !rustix::process::getuid().is_root() {
+            println!("another owner was not tried: that takes root");
+            return;
+        }
+        chown(root.path(), Some(65_534), None).expect("root may");
+        let refused = Endpoint::new("rig", Some(root.path())).expect_err("somebody else's");
+        assert!(refused.to_string().contains("belongs to user 65534, this is user 0"), "{refused}");
+        chown(root.path(), Some(0), None).expect("root may");
+    }
 
     #[test]
     fn rig_names_outside_their_alphabet_are_refused() {

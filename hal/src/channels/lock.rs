@@ -4,7 +4,7 @@
 
 use std::fs::{File, Metadata, OpenOptions, TryLockError};
 use std::io::{Read, Seek, Write};
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 use std::time::Duration;
 
@@ -33,6 +33,8 @@ impl RoleLock {
                 .write(true)
                 .create(true)
                 .truncate(false)
+                // Whoever can read a lock can take it.
+                .mode(0o600)
                 .open(&path)
                 .map_err(refused)?;
             match file.try_lock() {

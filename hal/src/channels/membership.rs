@@ -4,16 +4,21 @@
 //! then stays half-made for ever, belongs to no node that could be cleared up, and whoever opens it waits without end,
 //! a control loop included. So every member sweeps: a thread of its own takes half-made segments of this root away
 //! once they are older than any living maker needs, which also frees those who already wait.
+//!
+//! A member also closes what the transport leaves open to other users.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, SystemTime};
 use std::{fs, io};
 
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 
 use iceoryx2::prelude::{Node, ipc};
+
+use super::endpoint::denied;
+use super::error::ChannelError;
 
 /// Where the system keeps shared-memory segments; fixed.
 pub(super) const SEGMENTS: &str = "/dev/shm";
@@ -79,6 +84,46 @@ pub(super) fn sweep(directory: &Path, prefix: &str, age: Duration) -> io::Result
     Ok(())
 }
 
+/// Closes the segments whose names start with `prefix` to everybody but their owner, who must be this user.
+///
+/// The transport opens one of them to all users: the count of nodes, from which the names of nodes are made. It is closed
+/// within microseconds of being made, and holds nothing else. Segments in `/dev/shm` can be made under any name by anybody:
+/// one that somebody else prepared is refused.
+pub(super) fn seal(prefix: &str) -> Result<(), ChannelError> {
+    let refused = |path: &Path, source| ChannelError::Root { path: path.to_owned(), source };
+    let directory = Path::new(SEGMENTS);
+    for entry in fs::read_dir(directory).map_err(|error| refused(directory, error))?.flatten() {
+        if !entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
+            continue;
+        }
+        match sealed(&entry.path()) {
+            Ok(None) => (),
+            Ok(Some(owner)) => {
+                let why = format!("belongs to user {owner}: somebody else made this segment; remove it");
+                return Err(denied(entry.path(), &why));
+            }
+            // Its maker took it away meanwhile.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => (),
+            Err(error) => return Err(refused(&entry.path(), error)),
+        }
+    }
+    Ok(())
+}
+
+/// Closes one file of this user; otherwise says whose it is.
+fn sealed(path: &PathBuf) -> io::Result<Option<u32>> {
+    const OTHERS: u32 = 0o077;
+    let found = fs::symlink_metadata(path)?;
+    if found.uid() != rustix::process::getuid().as_raw() {
+        return Ok(Some(found.uid()));
+    }
+    let mode = found.permissions().mode();
+    if mode & OTHERS != 0 {
+        fs::set_permissions(path, fs::Permissions::from_mode(mode & 0o7777 & !OTHERS))?;
+    }
+    Ok(None)
+}
+
 /// Removes every file in `directory` that starts with `prefix`.
 pub(super) fn remove_all(directory: &Path, prefix: &str) -> io::Result<()> {
     for entry in fs::read_dir(directory)?.flatten() {
@@ -97,7 +142,27 @@ mod tests {
     use std::path::Path;
     use std::time::Duration;
 
-    use super::sweep;
+    use super::{seal, sealed, sweep};
+
+    /// Proves SR-16.
+    #[test]
+    fn segment_that_is_open_to_others_is_closed_and_somebody_elses_is_refused() {
+        let prefix = format!("mstseal-{}_", std::process::id());
+        let path = Path::new("/dev/shm").join(format!("{prefix}count"));
+        fs::write(&path, "").expect("written");
+        fs::set_permissions(&path, Permissions::from_mode(0o666)).expect("own file");
+        seal(&prefix).expect("own segment");
+        assert_eq!(fs::metadata(&path).expect("there").permissions().mode() & 0o7777, 0o600);
+        if rustix::process::getuid().is_root() {
+            std::os::unix::fs::chown(&path, Some(65_534), None).expect("root may");
+            let refused = seal(&prefix).expect_err("somebody else's").to_string();
+            assert!(refused.contains("belongs to user 65534"), "{refused}");
+        } else {
+            println!("another owner was not tried: that takes root");
+        }
+        fs::remove_file(&path).expect("there");
+        assert!(sealed(&path).is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound));
+    }
 
     fn file(directory: &Path, name: &str, mode: u32) {
         let path = directory.join(name);

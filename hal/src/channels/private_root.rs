@@ -7,7 +7,7 @@
 
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use super::endpoint::{Endpoint, prefix};
@@ -79,7 +79,7 @@ impl Drop for PrivateRoot {
 fn owned(path: &Path) -> io::Result<File> {
     DirBuilder::new().mode(0o700).create(path)?;
     let lock = path.join(OWNER_LOCK);
-    let file = OpenOptions::new().write(true).create_new(true).open(&lock)?;
+    let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&lock)?;
     file.try_lock()?;
     // A sweeper may have come between making and locking; then this file is no longer the one under that name.
     if lock.metadata()?.ino() == file.metadata()?.ino() {

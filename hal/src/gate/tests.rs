@@ -56,6 +56,7 @@ fn assert_within_limits(
     assert!(after.angle_rad[description.frames.len()..].iter().all(|angle| *angle == 0.0));
 }
 
+/// Proves SR-06.
 #[test]
 fn no_request_sequence_whatever_gets_beyond_magnitude_range_slew_or_speed() {
     let description = example_description();

@@ -80,6 +80,7 @@ fn assert_refused<T: Copy + PartialEq + std::fmt::Debug>(
     assert_eq!(*reading, Reading { last: Some(last), fresh: false, refused: Some(expected) }, "case {case}");
 }
 
+/// Proves SR-11.
 #[test]
 fn no_faulty_pose_replaces_the_last_good_one() {
     let mut cases: Vec<(PoseMessage, Absent)> = header_faults()
@@ -128,6 +129,7 @@ fn no_faulty_pose_replaces_the_last_good_one() {
     assert!(receiver.receive(Some(&pose(11)), NOW).fresh, "a good one is taken after all of that");
 }
 
+/// Proves SR-11.
 #[test]
 fn no_faulty_feedback_replaces_the_last_good_one() {
     let mut cases: Vec<(CoilFeedback, Absent)> = header_faults()

@@ -240,7 +240,7 @@ fn walk(point: &Seen, layout: &Layout, centreline: &Centreline, horizon: usize) 
     for _ in 0..WALK_MAX {
         let along = centreline.tangent[index].dot(&(point.at - centreline.position[index]));
         if along > 0.0 && index < horizon && along > 0.5 * layout.spans[index].length {
-            index = (index + steps(along, layout.spans[index].length)).min(horizon);
+            index = index.saturating_add(steps(along, layout.spans[index].length)).min(horizon);
         } else if along < 0.0 && index > 0 && -along > 0.5 * layout.spans[index - 1].length {
             index = index.saturating_sub(steps(-along, layout.spans[index - 1].length));
         } else {
@@ -250,7 +250,7 @@ fn walk(point: &Seen, layout: &Layout, centreline: &Centreline, horizon: usize) 
     index
 }
 
-/// Whole spans nearest to a distance, at least one.
+/// Whole spans nearest to a distance, at least one; of a point at any finite place, so up to the greatest number.
 fn steps(along: f64, span: f64) -> usize {
     ((along / span + 0.5) as usize).max(1)
 }

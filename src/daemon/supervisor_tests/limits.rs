@@ -24,6 +24,7 @@ fn poses_late_by_the_hold_limit_hold_and_come_back_without_a_request() {
     assert_eq!(bench.cycle(None).directive, Directive::Follow);
 }
 
+/// Proves SR-10.
 #[test]
 fn poses_missing_for_the_stop_limit_end_in_a_latched_fault() {
     let mut bench = Bench::active();
@@ -67,6 +68,7 @@ fn model_without_an_equilibrium_condemns_no_poses() {
     assert_eq!(bench.cycle(None).cause, Some(Cause::ModelNotConverged));
 }
 
+/// Proves SR-12.
 #[test]
 fn currents_may_stay_away_from_commands_for_a_while_and_no_longer() {
     let mut bench = Bench::active();
@@ -127,6 +129,7 @@ fn an_operators_hold_outlasts_a_loss_of_sensing() {
     assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE));
 }
 
+/// Proves SR-08.
 #[test]
 fn the_first_command_of_an_activity_is_what_was_measured() {
     let mut bench = Bench::armed();
@@ -134,6 +137,7 @@ fn the_first_command_of_an_activity_is_what_was_measured() {
     assert_eq!(bench.cycle(None).directive, Directive::Follow);
 }
 
+/// Proves SR-09.
 #[test]
 fn arming_names_what_is_missing() {
     type Spoil = fn(&mut Bench);
@@ -160,6 +164,7 @@ fn arming_names_what_is_missing() {
     }
 }
 
+/// Proves SR-23.
 #[test]
 fn arming_is_refused_when_enforced_real_time_is_missing() {
     let mut bench = Bench::new();
@@ -181,6 +186,7 @@ fn a_stop_cancels_a_claim_and_both_requests_are_answered() {
     assert_eq!((answers[1].refused, decision.state), (None, state::IDLE));
 }
 
+/// Proves SR-13.
 #[test]
 fn a_stop_ends_on_measured_current_not_on_commanded() {
     let mut bench = Bench::active();
@@ -192,6 +198,7 @@ fn a_stop_ends_on_measured_current_not_on_commanded() {
     assert_eq!((decision.state, decision.cause), (state::IDLE, Some(Cause::OperatorStop)));
 }
 
+/// Proves SR-13.
 #[test]
 fn a_ramp_that_takes_too_long_cuts_the_amplifiers() {
     let mut bench = Bench::active();
@@ -225,6 +232,7 @@ fn an_emergency_stop_from_idle_carries_an_epoch_that_the_driver_can_obey() {
     assert!(decision.epoch > 0);
 }
 
+/// Proves SR-03.
 #[test]
 fn after_an_emergency_stop_it_takes_reset_and_arm_and_go() {
     let mut bench = Bench::in_state(state::FAULT);
@@ -266,6 +274,7 @@ fn targets_with_frame_angles_out_of_range_are_refused() {
     assert!(bench.ask(Verb::SetTarget(target(180.0, -180.0))).is_ok());
 }
 
+/// Proves SR-15.
 #[test]
 fn a_process_told_to_end_ramps_down_and_takes_no_more_orders() {
     let mut bench = Bench::active();

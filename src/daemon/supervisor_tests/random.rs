@@ -15,6 +15,8 @@ use crate::daemon::supervisor::Decision;
 use crate::daemon::trust::Astray;
 
 /// Goal: over random events, healthy and faulty, what must never happen does not.
+///
+/// Proves SR-03.
 #[test]
 fn random_events_never_break_the_rules() {
     let actions = [SafeAction::Ramp, SafeAction::HoldThenRamp, SafeAction::Disable];

@@ -150,6 +150,8 @@ impl Event {
 
 /// Goal: each event in each state, half a second later. A letter names the state: `b`oot, `i`dle, `a`rmed,
 /// a`c`tive, `h`olding, `s`afe-stop, `f`ault; the columns are the states before, in the same order.
+///
+/// Proves SR-03, SR-14 and SR-21.
 #[test]
 fn every_event_in_every_state_leads_where_the_table_says() {
     use Event::{

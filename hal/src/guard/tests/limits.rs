@@ -18,6 +18,7 @@ fn claimed() -> Bench {
     bench
 }
 
+/// Proves SR-07.
 #[test]
 fn current_beyond_its_maximum_is_clamped_counted_and_obeyed() {
     let mut bench = Bench::new();

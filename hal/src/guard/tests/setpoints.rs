@@ -21,6 +21,7 @@ fn guard_without_commands_stays_idle_at_zero_and_holds_its_frames() {
     assert_eq!(actuation.angle_rad[..2], [0.5, (-180.0_f64).to_radians()]);
 }
 
+/// Proves SR-01.
 #[test]
 fn ramp_after_validity_ran_out_starts_on_time_keeps_slew_holds_frames_and_ends_at_exact_zero() {
     let mut bench = Bench::new();
@@ -45,6 +46,7 @@ fn ramp_after_validity_ran_out_starts_on_time_keeps_slew_holds_frames_and_ends_a
     assert_eq!(bench.guard.state(), driver_state::IDLE);
 }
 
+/// Proves SR-04.
 #[test]
 fn validity_is_never_granted_beyond_its_maximum() {
     let mut bench = Bench::new();
@@ -73,6 +75,7 @@ fn ramp_down_order_ramps_keeps_authority_and_driving_goes_on_without_a_jump() {
     assert!(actuation.current_a[0] <= 0.2 + 1e-12, "slew, whatever was commanded");
 }
 
+/// Proves SR-14.
 #[test]
 fn disable_cuts_at_once_and_latches_until_a_new_claim() {
     let mut bench = Bench::new();
@@ -126,6 +129,7 @@ fn unusable_periods_move_nothing() {
     }
 }
 
+/// Proves SR-07.
 #[test]
 fn no_command_sequence_whatever_moves_a_setpoint_faster_than_its_limit() {
     let description = example_description();

@@ -122,6 +122,7 @@ fn assert_echo(bench: &Bench, sender: Sender, accepted: bool, case: &str) {
     assert_eq!(echoed, accepted, "{case}: echo");
 }
 
+/// Proves SR-04.
 #[test]
 fn every_fault_of_a_command_is_refused_counted_by_its_reason_and_changes_nothing() {
     type Spoil = fn(&mut CoilCommand);
@@ -169,6 +170,7 @@ fn every_fault_of_a_command_is_refused_counted_by_its_reason_and_changes_nothing
     }
 }
 
+/// Proves SR-09.
 #[test]
 fn claim_with_any_current_is_refused_by_coil() {
     let mut bench = Bench::new();

@@ -48,6 +48,20 @@ fn spoiled_clouds_have_named_outcomes_and_do_no_lasting_harm() {
     }
 }
 
+/// More spans away than a number of stations can hold, from wherever the walk to the foot is.
+#[test]
+fn points_at_absurd_distances_are_outliers_like_others() {
+    let mut cloud = good();
+    for point in cloud.iter_mut().skip(3).step_by(7) {
+        *point = point.map(|coordinate| coordinate * 1e30);
+    }
+    for kind in KINDS {
+        let mut shape = CloudShape::new(&manipulator(), settings(kind)).expect("sound");
+        let found = shape.reconstruct(&cloud).expect("six points of seven are good");
+        assert!(found.magnets().iter().all(|magnet| magnet.pose.valid == 1), "{kind:?}");
+    }
+}
+
 #[test]
 fn points_that_are_not_finite_are_left_out_and_counted() {
     let mut cloud = good();
