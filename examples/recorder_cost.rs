@@ -77,7 +77,7 @@ fn take(
     let recorder = RecorderConfig { folder: folder.path().to_owned(), seconds: 10.0, flights_max: 10 };
     let plan = RecorderPlan { config: recorder, config_sha256: document.resolved().sha256 };
     let mut recorder = Recorder::start(&plan, &config.description, 1_000.0)?;
-    let mut time = |recorder: &mut Recorder| -> Vec<Duration> {
+    let time = |recorder: &mut Recorder| -> Vec<Duration> {
         let timed = records.iter().map(|record| {
             let begin = Instant::now();
             recorder.take(record);

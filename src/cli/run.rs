@@ -67,7 +67,7 @@ impl Run {
             endpoint: &endpoint,
             driver_wait,
             arm: self.arm,
-            recorder: self.recorder(&document, daemon)?,
+            recorder: self.recorder(&document, &daemon)?,
         };
         let stop = Arc::new(StopFlag::new());
         let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;

@@ -204,7 +204,7 @@ impl Answer {
         let age = self.pose_age_us.map_or("none".to_owned(), |age| format!("{:.1} ms old", age * 1e-3));
         format!(
             "{}{cause}, cycle {}, {:.0} of {:.0} Hz, {} missed, late {:.0} us, poses {age}\n\
-            target   {} deg ({})\nmeasured {} deg\ncurrents {} A\nframes   {} deg\nmargin   {:.2}{}\n{}",
+            target   {} deg ({})\nmeasured {} deg\ncurrents {} A\nframes   {} deg\nmargin   {:.2}{}\n{}{}",
             self.state,
             self.cycle,
             self.rate_measured_hz,

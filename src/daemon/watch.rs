@@ -375,6 +375,7 @@ impl Watch {
             | Cause::UnknownVerb
             | Cause::TargetInvalid
             | Cause::Busy
+            | Cause::NotRecording
             | Cause::RealtimeMissing
             | Cause::ArmTimeout
             | Cause::DriverBusy
