@@ -94,8 +94,8 @@ pub struct DaemonConfig {
     pub cpu: Option<u32>,
     /// True to lock the process's memory.
     pub lock_memory: bool,
-    /// Longest time that a CPU may take to wake from idling while the daemon runs, us, 0 to 10000; absent to leave it
-    /// to the kernel. 0 keeps every CPU of the machine awake: the least lateness, at full power.
+    /// Longest time that a CPU may take to wake from idling while the daemon runs, us, 0 to 10000; absent to
+    /// leave it to the kernel. 0 keeps every CPU of the machine awake: the least lateness, at full power.
     pub idle_latency_us: Option<u32>,
     /// How long before a deadline the loop's thread wakes to wait for it at the clock, us, 0 (off) to 200 and
     /// half a period. Takes wake-up latency off the lateness for `spin_us` of computing time a cycle.

@@ -159,8 +159,8 @@ fn cpu_list(set: &CpuSet) -> String {
     cpus.collect::<Vec<_>>().join(",")
 }
 
-/// A bound on how long any CPU may take to wake, for as long as this lives: the kernel then keeps idle CPUs out of
-/// states that take longer to leave.
+/// A bound on how long any CPU may take to wake, for as long as this lives: the kernel then keeps idle CPUs
+/// out of states that take longer to leave.
 #[derive(Debug)]
 pub struct IdleBound {
     _device: Option<File>,
@@ -169,7 +169,8 @@ pub struct IdleBound {
 }
 
 impl IdleBound {
-    /// Asks for a bound in microseconds and reads back the one in force, which is the least that anybody asked for.
+    /// Asks for a bound in microseconds and reads back the one in force, which is the least that anybody
+    /// asked for.
     #[must_use]
     pub fn hold(latency_us: u32) -> Self {
         let (device, held) = match Self::ask(latency_us) {
