@@ -117,8 +117,17 @@ fn the_answer_has_the_published_keys_and_the_exit_code_follows_from_it() {
         "priority",
         "locked memory",
     ];
-    let more =
-        ["swap", "shared memory", "policy", "spin", "time limits", "leftovers", "steal time", "wake-ups"];
+    let more = [
+        "idling",
+        "swap",
+        "shared memory",
+        "policy",
+        "spin",
+        "time limits",
+        "leftovers",
+        "steal time",
+        "wake-ups",
+    ];
     for check in checks.into_iter().chain(more) {
         finding(&answer, check);
     }

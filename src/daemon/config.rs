@@ -58,7 +58,7 @@ impl SafeAction {
     }
 }
 
-/// `[daemon]`. Every key is required but `cpu` and the table `recorder`.
+/// `[daemon]`. Every key is required but `cpu`, `idle_latency_us` and the table `recorder`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DaemonConfig {
@@ -132,6 +132,9 @@ pub struct DaemonConfig {
     pub cpu: Option<u32>,
     /// True to lock the process's memory.
     pub lock_memory: bool,
+    /// Longest time that a CPU may take to wake from idling while the daemon runs, us, 0 to 10000; absent to
+    /// leave it to the kernel. 0 keeps every CPU of the machine awake: the least lateness, at full power.
+    pub idle_latency_us: Option<u32>,
     /// How long before a deadline the loop's thread wakes to wait for it at the clock, us, 0 (off) to 200 and
     /// half a period. Takes wake-up latency off the lateness for `spin_us` of computing time a cycle.
     pub spin_us: f64,
@@ -237,6 +240,8 @@ impl DaemonConfig {
         checks.require((1..=99).contains(&self.priority), "daemon.priority", self.priority, "from 1 to 99");
         let cpu_fits = self.cpu.is_none_or(|cpu| cpu < 1_024);
         checks.require(cpu_fits, "daemon.cpu", self.cpu.unwrap_or(0), "from 0 to 1023");
+        let idle = self.idle_latency_us.unwrap_or(0);
+        checks.require(idle <= 10_000, "daemon.idle_latency_us", idle, "from 0 to 10000");
         checks.within("daemon.spin_us", self.spin_us, 0.0, (500.0 * period_ms).clamp(0.0, 200.0));
         checks.within("daemon.status_rate_hz", self.status_rate_hz, 1.0, 1_000.0);
         self.recorder.iter().for_each(|recorder| recorder.check(&mut checks));
@@ -318,7 +323,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn every_key_but_cpu_and_recorder_is_required_and_unknown_keys_are_refused() {
+    fn every_key_but_cpu_idle_latency_and_recorder_is_required_and_unknown_keys_are_refused() {
         let read = |table: toml::Table| table.try_into::<DaemonConfig>();
         for key in shipped_table().keys().filter(|key| *key != "recorder") {
             let mut without = shipped_table();
@@ -332,12 +337,13 @@ pub(super) mod tests {
         };
         assert!(with("rate").is_err());
         assert!(with("cpu").is_ok());
+        assert!(with("idle_latency_us").is_ok());
     }
 
     #[test]
     fn each_bad_value_is_named_by_its_key() {
         type Edit = fn(&mut DaemonConfig);
-        let cases: [(&str, Edit); 50] = [
+        let cases: [(&str, Edit); 51] = [
             ("rate_hz", |config| config.rate_hz = 49.0),
             ("rate_hz", |config| config.rate_hz = 10_001.0),
             ("rate_hz", |config| config.rate_hz = f64::NAN),
@@ -367,6 +373,7 @@ pub(super) mod tests {
             ("priority", |config| config.priority = 0),
             ("priority", |config| config.priority = 100),
             ("cpu", |config| config.cpu = Some(4_096)),
+            ("idle_latency_us", |config| config.idle_latency_us = Some(10_001)),
             ("spin_us", |config| config.spin_us = -1.0),
             ("spin_us", |config| config.spin_us = 201.0),
             ("spin_us", |config| config.spin_us = f64::NAN),

@@ -25,8 +25,8 @@ use serde::{Deserialize, Serialize};
 use super::config::{DaemonConfig, RealtimePolicy};
 use super::control_loop::{ControlLoop, LoopOptions};
 use super::kernel::{
-    RealtimeItem, RealtimeReport, RealtimeRequest, ThreadUsage, request_helper_realtime, request_ordinary,
-    request_realtime,
+    IdleBound, RealtimeItem, RealtimeReport, RealtimeRequest, ThreadUsage, request_helper_realtime,
+    request_ordinary, request_realtime,
 };
 use super::monitors::MonitorReport;
 use super::notify::Notify;
@@ -176,6 +176,9 @@ pub fn run<S: Step + Send>(
     let recorded = recorder.as_ref().map(Recorder::state);
     let counters = LoopCounters::default();
     let realtime = OnceLock::new();
+    // Held until all threads have ended.
+    let idle = plan.config.idle_latency_us.map(IdleBound::hold);
+    let idle_item = idle.as_ref().map(|idle| &idle.item);
     std::thread::scope(|scope| {
         let loop_thread = std::thread::Builder::new()
             .name("magsteer-loop".to_owned())
@@ -189,7 +192,8 @@ pub fn run<S: Step + Send>(
                 let run = || -> Result<LoopEnd, RunError> {
                     // Before memory is locked, so that it is locked too.
                     let statistics = Statistics::new(plan.config.rate_hz);
-                    let control_loop = prepare_loop(plan, services, controller, pool, &realtime)?;
+                    let control_loop =
+                        prepare_loop(plan, services, controller, (pool, idle_item), &realtime)?;
                     Ok(run_loop(control_loop, plan.config.pace(), statistics, loop_rings, &counters, stop))
                 };
                 // Entered once: the loop becomes one of the pool's threads, and a cycle hands work to the others at little cost.
@@ -266,7 +270,7 @@ fn prepare_loop<S: Step>(
     plan: &RunPlan<'_>,
     services: DaemonServices,
     controller: S,
-    workers: Option<&ThreadPool>,
+    (workers, idle): (Option<&ThreadPool>, Option<&RealtimeItem>),
     realtime: &OnceLock<RealtimeReport>,
 ) -> Result<ControlLoop<magsteer_hal::channels::DaemonEnd, S>, ChannelError> {
     let hardware = services.into_ports(plan.description)?;
@@ -275,6 +279,7 @@ fn prepare_loop<S: Step>(
         cpu: plan.config.cpu,
         lock_memory: plan.config.lock_memory,
     });
+    report.items.extend(idle.cloned());
     report.items.extend(workers.and_then(|workers| realtime_of(workers, plan.config.priority)));
     let realtime_missing = plan.config.realtime == RealtimePolicy::Enforce && !report.is_granted();
     log(format_args!("{} Hz; {report}", plan.config.rate_hz));

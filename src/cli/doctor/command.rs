@@ -135,6 +135,7 @@ fn of_machine(machine: &Machine, daemon: Option<&DaemonConfig>) -> Vec<Finding> 
         kernel::throttling(machine),
         processors::isolation(machine, daemon),
         processors::governor(machine),
+        processors::idling(machine, daemon),
         limits::priority(machine, daemon),
         limits::locked_memory(machine, daemon),
         limits::swap(machine),
@@ -167,7 +168,7 @@ mod tests {
         let fixture = machine(&[]);
         for daemon in [None, Some(&daemon())] {
             let findings = of_machine(&fixture.machine, daemon);
-            assert_eq!(findings.len(), if daemon.is_some() { 14 } else { 9 });
+            assert_eq!(findings.len(), if daemon.is_some() { 15 } else { 10 });
             for finding in &findings {
                 assert_eq!(finding.mend.is_some(), finding.level != Level::Pass, "{finding}");
             }

@@ -76,6 +76,32 @@ pub fn governor(machine: &Machine) -> Finding {
     Finding::warn(CHECK, found, format!("echo performance | sudo tee {CPU}/cpu*/cpufreq/scaling_governor"))
 }
 
+/// How long a CPU may take to wake from its deepest idling.
+pub fn idling(machine: &Machine, daemon: Option<&DaemonConfig>) -> Finding {
+    const CHECK: &str = "idling";
+    if let Some(bound) = daemon.and_then(|daemon| daemon.idle_latency_us) {
+        return Finding::pass(CHECK, format!("[daemon] keeps it to {bound} us while it runs"));
+    }
+    let directory = format!("{CPU}/cpu0/cpuidle");
+    let enabled = |state: &String| machine.number(&format!("{directory}/{state}/disable")) != Some(1);
+    let states = machine.names(&directory, "state").into_iter().filter(enabled);
+    let deepest = states.filter_map(|state| machine.number(&format!("{directory}/{state}/latency"))).max();
+    match deepest {
+        None => Finding::pass(CHECK, "the kernel has no idle states that take time to leave"),
+        Some(latency) => {
+            let shared =
+                machine.text(&format!("{CPU}/cpuidle/current_driver")).is_some_and(|name| name == "haltpoll");
+            let found = format!("the deepest state takes {latency} us to leave");
+            // A guest that halts is woken by its host, which the kernel's number does not know of.
+            if latency <= 2 && !shared {
+                return Finding::pass(CHECK, found);
+            }
+            let host = if shared { ", and then as long as the host takes" } else { "" };
+            Finding::warn(CHECK, format!("{found}{host}"), "put `idle_latency_us = 0` into [daemon]")
+        }
+    }
+}
+
 /// Time that a hypervisor took, of all time, in the kernel's ticks since its start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stolen {
@@ -125,7 +151,7 @@ mod tests {
     use super::super::consequences::tests::daemon;
     use super::super::finding::Level;
     use super::super::fixture::{Files, machine};
-    use super::{Stolen, configured_cpu, governor, isolation, steal};
+    use super::{Stolen, configured_cpu, governor, idling, isolation, steal};
 
     const ONLINE: &str = "/sys/devices/system/cpu/online";
     const ISOLATED: &str = "/sys/devices/system/cpu/isolated";
@@ -175,6 +201,29 @@ mod tests {
         let found = governor(&slow.machine);
         assert_eq!(found.level, Level::Warn);
         assert!(found.found.starts_with("cpu1 powersave"), "{found}");
+    }
+
+    #[test]
+    fn idling_is_judged_by_the_deepest_state_in_use() {
+        let at = |state: u32, name: &str| format!("/sys/devices/system/cpu/cpu0/cpuidle/state{state}/{name}");
+        let (shallow, deep, disable) = (at(0, "latency"), at(1, "latency"), at(1, "disable"));
+        let driver = "/sys/devices/system/cpu/cpuidle/current_driver";
+        let cases: [(Files<'_>, Level); 5] = [
+            (&[], Level::Pass),
+            (&[(&shallow, "0"), (&deep, "1")], Level::Pass),
+            (&[(&shallow, "0"), (&deep, "133")], Level::Warn),
+            (&[(&shallow, "0"), (&deep, "133"), (&disable, "1")], Level::Pass),
+            (&[(&shallow, "0"), (&deep, "1"), (driver, "haltpoll")], Level::Warn),
+        ];
+        let mut config = daemon();
+        for (files, level) in cases {
+            let fixture = machine(files);
+            assert_eq!(idling(&fixture.machine, None).level, level, "{files:?}");
+            config.idle_latency_us = None;
+            assert_eq!(idling(&fixture.machine, Some(&config)).level, level, "{files:?}");
+            config.idle_latency_us = Some(0);
+            assert_eq!(idling(&fixture.machine, Some(&config)).level, Level::Pass, "{files:?}");
+        }
     }
 
     #[test]

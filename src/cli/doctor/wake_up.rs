@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use magsteer::daemon::kernel::{RealtimeReport, RealtimeRequest, request_realtime};
+use magsteer::daemon::kernel::{IdleBound, RealtimeReport, RealtimeRequest, request_realtime};
 use magsteer::daemon::{Clock, CycleTiming, DaemonConfig, LatencySummary, Pace, Statistics};
 use magsteer_hal::Stamp;
 use serde::Serialize;
@@ -19,6 +19,7 @@ pub struct Trial {
     pub pace: Pace,
     pub priority: u32,
     pub cpu: Option<u32>,
+    pub idle_latency_us: Option<u32>,
     pub duration: Duration,
 }
 
@@ -30,6 +31,7 @@ impl Trial {
             pace: daemon.map_or(shipped, DaemonConfig::pace),
             priority: daemon.map_or(80, |daemon| daemon.priority),
             cpu: daemon.and_then(|daemon| daemon.cpu),
+            idle_latency_us: daemon.and_then(|daemon| daemon.idle_latency_us),
             duration,
         }
     }
@@ -71,7 +73,9 @@ fn watch(trial: &Trial) -> WakeUps {
     let mut rows = Rows::default();
     // Memory is the daemon's own affair: to lock this program's tells nothing of the machine.
     let request = RealtimeRequest { priority: trial.priority, cpu: trial.cpu, lock_memory: false };
-    let realtime: RealtimeReport = request_realtime(&request);
+    let mut realtime: RealtimeReport = request_realtime(&request);
+    let idle = trial.idle_latency_us.map(IdleBound::hold);
+    realtime.items.extend(idle.as_ref().map(|idle| idle.item.clone()));
     let mut clock = Clock::start(trial.pace);
     let end = Stamp::now().after(trial.duration);
     loop {
