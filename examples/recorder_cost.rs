@@ -11,9 +11,9 @@ use magsteer::config::{Config, Problems};
 use magsteer::control::Cycle;
 use magsteer::daemon::recorder::{Recorder, RecorderConfig, RecorderPlan};
 use magsteer::daemon::{ControlLoop, CycleRecord, LoopOptions, Request, Tick, Verb};
-use magsteer_hal::Stamp;
 use magsteer_hal::operator::state;
 use magsteer_hal::scripted::EchoHardware;
+use magsteer_hal::{MagnetPose, Stamp};
 
 const CYCLES: u32 = 30_000;
 
@@ -43,7 +43,12 @@ fn cycles(document: &magsteer::config::Document, config: &Config) -> Result<Vec<
     let rod = document.require("rod", &config.manipulator)?;
     let controller = Cycle::new(control, rig, rod.clone());
     let options = LoopOptions::default();
-    let mut control_loop = ControlLoop::new(EchoHardware::new(rig), controller, rig, daemon, options);
+    let mut hardware = EchoHardware::new(rig);
+    // About where both magnets hang without current: 112 deg from z, in the plane.
+    let (sine, cosine) = 56_f64.to_radians().sin_cos();
+    let pose = MagnetPose { orientation_xyzw: [0.0, sine, 0.0, cosine], valid: 1, ..MagnetPose::default() };
+    hardware.set_poses(&[pose; 2]);
+    let mut control_loop = ControlLoop::new(hardware, controller, rig, daemon, options);
     let (mut to_telemetry, mut from_loop) = rtrb::RingBuffer::new(500);
     let mut tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
     let (mut alone, mut pushed, mut records) = (Vec::new(), Vec::new(), Vec::new());
