@@ -230,10 +230,10 @@ impl Answer {
             text += &format!("; cannot write: {error}");
         }
         if self.flights > 0 {
-            text += &format!("; {} flights written", self.flights);
+            text += &format!("; flights written: {}", self.flights);
         }
         if self.recorder_lost > 0 {
-            text += &format!("; {} events or flights lost", self.recorder_lost);
+            text += &format!("; events and flights lost: {}", self.recorder_lost);
         }
         if text.is_empty() { text } else { format!("recorder {}{text}\n", self.recorder) }
     }

@@ -32,7 +32,8 @@ pub fn draw(path: &Path, flight: &Flight, around: Option<f64>) -> anyhow::Result
             curves: vec![
                 curve("measured", Stroke::Color(0), &angle("measured")),
                 curve("predicted", Stroke::Color(1), &angle("predicted")),
-                curve("desired", Stroke::Dashed(6), &angle("desired")),
+                curve("desired", Stroke::Color(6), &angle("desired")),
+                curve("target", Stroke::Dashed(7), &angle("target")),
             ],
         });
     }
