@@ -12,10 +12,10 @@ use std::ops::ControlFlow;
 use magsteer::config::Config;
 use magsteer::control::{Cycle, CycleInput, CycleOutcome, Step};
 use magsteer::daemon::lockstep::Lockstep;
-use magsteer::daemon::{CycleRecord, DaemonConfig, Mode, Verb};
+use magsteer::daemon::{CycleRecord, DaemonConfig, Mode, SafeAction, Verb};
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::{AdmittedCommand, Hardware, Sensed, Stamp, WriteError};
-use magsteer_sim_plant::{Plant, SimulatedRig};
+use magsteer_sim_plant::{Plant, SimulatedRig, ramp};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rig_support::{Bench, Setup, directions_planar};
@@ -281,6 +281,61 @@ fn passive_daemon_tells_and_steers_on() {
     });
     assert!(told.contains(&Cause::PoseTooFast), "{told:?}");
     assert_eq!(steering.run(Some(Verb::EmergencyStop), 0.2), state::FAULT);
+}
+
+/// From the first cycle of a stop for want of poses: how long the plant's currents stay within 5 % of what they were, and when
+/// all are at zero, s.
+fn stopped_with(action: SafeAction) -> (f64, f64) {
+    let mut steering = Steering::at([75.0, 80.0], |daemon| {
+        (daemon.safe_action, daemon.safe_hold_ms) = (action, 300.0);
+    });
+    // No newer poses: those there are grow old.
+    steering.tamper(|sensed, reads| {
+        sensed.pose.fresh = false;
+        if let Some(pose) = sensed.pose.last.as_mut() {
+            pose.header.source_stamp_ns -= reads * 1_000_000;
+        }
+    });
+    let (mut begin, mut kept, mut zero) = (None, 0.0, None);
+    let mut cycles = 0.0;
+    _ = steering.lockstep.run(2.0, |record, hardware| {
+        let currents = hardware.rig.plant().actual().current_a;
+        if begin.is_none() && record.decision.state >= state::SAFE_STOP {
+            assert_eq!(record.decision.cause, Some(Cause::PoseStale));
+            begin = Some(currents);
+        }
+        let Some(first) = begin else { return ControlFlow::Continue(()) };
+        cycles += 1e-3;
+        let near = |(now, then): (&f64, &f64)| (now - then).abs() < 0.05 * then.abs() + 0.02;
+        if currents.iter().zip(&first).all(near) {
+            kept = cycles;
+        }
+        if ramp::is_zero(&currents) {
+            zero.get_or_insert(cycles);
+        }
+        ControlFlow::Continue(())
+    });
+    assert_eq!(steering.lockstep.control_loop().state().code(), state::FAULT);
+    steering.lockstep.control_loop_mut().hardware_mut().tamper = None;
+    steering.run(None, 0.2);
+    assert_eq!(steering.run(Some(Verb::Reset), 0.1), state::IDLE);
+    assert_eq!(
+        steering.run(Some(Verb::Arm), 0.1),
+        state::ARMED,
+        "after {action:?} the rig can be armed anew"
+    );
+    (kept, zero.expect("zero within two seconds"))
+}
+
+/// Goal: what safe means, by the plant's own currents: at zero at once, at zero after a hold, and cut.
+#[test]
+fn safe_action_is_what_the_coils_do() {
+    let [ramp, hold, cut] =
+        [SafeAction::Ramp, SafeAction::HoldThenRamp, SafeAction::Disable].map(stopped_with);
+    println!("kept and at zero after s: ramp {ramp:?}, hold {hold:?}, cut {cut:?}");
+    assert!(ramp.0 < 0.01 && ramp.1 < 0.05, "{ramp:?}");
+    assert!((0.295..0.31).contains(&hold.0) && (0.3..0.35).contains(&hold.1), "{hold:?}");
+    assert!(cut.0 < 0.01 && cut.1 < 0.1, "{cut:?}");
 }
 
 /// What a nominal run came to.
