@@ -192,6 +192,33 @@ fn coils_that_take_up_more_heat_than_they_bear_stop_the_loop_until_they_cooled()
     assert_eq!(steering.run(Some(Verb::Arm), 0.1), state::ARMED);
 }
 
+/// Goal: a frame that stalls while frames steer is found by its angle, before it is as far off as the driver's own watch allows.
+#[test]
+fn frame_that_stalls_while_frames_steer_is_found() {
+    let setup = Setup::shipped("bigmag-3d.toml");
+    let text = "description = ''\n[[faults]]\nat_s = 0.4\nlasting = true\ntarget = 'frame'\nframe = 'top'\nverb = 'stalled'\n";
+    let mut bench = Bench::with_faults(&setup, Some(text));
+    for (verb, seconds) in [(None, 0.1), (Some(Verb::Arm), 0.1), (Some(Verb::Go), 0.1)] {
+        verb.into_iter().for_each(|verb| bench.request(verb));
+        bench.run(seconds, |_, _| ());
+    }
+    let (mut found, mut off) = (None, 0.0_f64);
+    for angles in [[80.0, 80.0], [110.0, 95.0], [90.0, 110.0], [75.0, 100.0]] {
+        if bench.lockstep.control_loop().state().code() == state::ACTIVE {
+            bench.request(Verb::SetTarget(directions_planar(angles).into()));
+        }
+        bench.run(2.0, |record, _| {
+            if found.is_none() {
+                off = off.max((record.input.measured.angle_rad[1] - record.admitted.angle_rad[1]).abs());
+            }
+            found = found.or(record.decision.cause.filter(|_| record.decision.state >= state::SAFE_STOP));
+        });
+    }
+    println!("{found:?} at {:.1} deg", off.to_degrees());
+    assert_eq!(found, Some(Cause::NotFollowing));
+    assert!((5.0..40.0).contains(&off.to_degrees()));
+}
+
 /// Every second message is turned by 18 deg about y, half of what the model would object to.
 fn shake(sensed: &mut Sensed, _: u64) {
     let Some(pose) = sensed.pose.last.as_mut().filter(|pose| pose.header.sequence % 2 == 0) else { return };
