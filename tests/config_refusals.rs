@@ -138,6 +138,15 @@ const CASES: &[Case] = &[
 
 #[rustfmt::skip]
 const STEERING_CASES: &[Case] = &[
+    Case { claim: "an unknown key of the monitors is refused and the near one suggested",
+        change: ("open_share = 0.5", "open_shares = 0.5\nopen_share = 0.5"), line: "open_shares",
+        kind: UnknownKey, key: "daemon.monitors.open_shares", value: "0.5", expected: "did you mean `open_share`?" },
+    Case { claim: "a mode that there is not is refused",
+        change: ("mode = \"active\"", "mode = \"off\""), line: "mode = \"off\"",
+        kind: Value, key: "daemon.mode", value: "\"off\"", expected: "passive" },
+    Case { claim: "a share that leaves no warning is refused",
+        change: ("coil_heat_warn = 0.8", "coil_heat_warn = 1.0"), line: "coil_heat_warn",
+        kind: Value, key: "daemon.monitors.coil_heat_warn", value: "1", expected: "above 0 and below 1" },
     Case { claim: "a rate above the range is refused with the range",
         change: ("rate_hz = 1000.0\ncommand", "rate_hz = 50000.0\ncommand"), line: "rate_hz = 50000.0",
         kind: Value, key: "daemon.rate_hz", value: "50000", expected: "from 50 to 10000" },

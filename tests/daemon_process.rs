@@ -26,6 +26,12 @@ struct World {
 
 impl World {
     fn new() -> Self {
+        // What the scripted magnets do, the model cannot know.
+        Self::with("[daemon.monitors]\nmodel_error_max_deg = 180.0\nprogress_stop_ms = 600000.0\n")
+    }
+
+    /// With further tables of the configuration.
+    fn with(tables: &str) -> Self {
         let root = PrivateRoot::create("ms").expect("shared memory is there");
         let file = root.path().join("rig.toml");
         let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
@@ -33,7 +39,7 @@ impl World {
         let text = format!(
             "extends = {shipped:?}\n[daemon]\nrate_hz = 500.0\ncommand_validity_ms = 1000.0\npose_hold_ms = 2000.0\n\
              pose_stop_ms = 4000.0\npose_error_max_deg = 180.0\nfollowing_stop_ms = 2000.0\nfeedback_stop_ms = 2000.0\nmodel_stop_ms = 5000.0\nramp_timeout_ms = 5000.0\n\
-             overrun_fraction = 0.99\noverrun_window_ms = 10000.0\n[control]\nfeedback = \"delayed-reference\"\n"
+             overrun_fraction = 0.99\noverrun_window_ms = 10000.0\n[control]\nfeedback = \"delayed-reference\"\n{tables}"
         );
         std::fs::write(&file, text).expect("own directory");
         let (_, config) = Config::load(&file).expect("extends a shipped file");
@@ -165,6 +171,33 @@ fn sigint_while_steering_ramps_down_and_ends_with_130() {
     assert!(threads.iter().any(|thread| thread["name"] == "magsteer-loop"), "{report}");
     assert!(said.contains("active -> safe-stop: the process was asked to end"), "{said}");
     assert_eq!(world.driver.end().limit_breaks(), 0);
+}
+
+/// Goal: `--passive` is seen in the status, with what would have stopped the loop and what a trip would do, and the loop
+/// steers on; the emergency stop acts.
+#[test]
+fn passive_daemon_says_so_and_what_would_have_stopped_it() {
+    let world = World::with("[daemon.monitors]\nmodel_error_max_deg = 5.0\nmodel_error_stop_ms = 100.0\n");
+    let mut daemon = Daemon::start(&world, &["--arm", "--passive"]);
+    let status = world.until(|status| status["state"] == "armed");
+    assert_eq!((&status["passive"], &status["safe_action"]), (&true.into(), &"ramp".into()), "{status}");
+    assert_eq!(status["would_trip"], Value::Null);
+    let file = world.file.to_str().expect("plain");
+    let output = world.operator(&["target", "set", "m1=70deg", "m2=110deg", "--config", file]);
+    assert!(output.status.success());
+    world.insist("go");
+    let status = world.until(|status| status["would_trip_code"] == 217);
+    assert_eq!(status["state"], "active", "{status}");
+    let text = world.operator(&["status", file]).stdout;
+    assert!(String::from_utf8_lossy(&text).contains("PASSIVE  monitors do not act"));
+    world.insist("estop");
+    world.until(|status| status["state"] == "fault");
+    daemon.signal(Signal::TERM);
+    let (_, report, said) = daemon.end();
+    assert!(said.contains("passive: would have tripped: the model stays away"), "{said}");
+    assert!(report["would_trip_count"].as_u64().is_some_and(|count| count >= 1), "{report}");
+    assert!(report["monitors"]["coil_heat_max"].as_f64().is_some_and(|heat| heat < 1.0), "{report}");
+    world.driver.end();
 }
 
 /// Proves SR-15.

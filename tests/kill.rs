@@ -175,7 +175,7 @@ fn bring_to(moment: Moment, world: &World, daemon: &mut Process) {
     operator.until_state(state::IDLE);
     match moment {
         Moment::Boot | Moment::Idle => (),
-        Moment::Arming => operator.ask(verb::ARM),
+        Moment::Arming => _ = operator.ask(verb::ARM),
         Moment::Armed => until(
             || {
                 operator.ask(verb::ARM);

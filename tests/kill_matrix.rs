@@ -11,6 +11,7 @@
 
 mod process_support;
 
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -108,7 +109,7 @@ impl Pair {
                 let holds = || {
                     let status = self.operator.status()?;
                     match status.state {
-                        state::ACTIVE => self.operator.ask(verb::HOLD),
+                        state::ACTIVE => _ = self.operator.ask(verb::HOLD),
                         state::HOLDING => (),
                         // The machine kept the loop from running.
                         _ => _ = self.operator.steer(),
@@ -133,16 +134,19 @@ impl Pair {
     fn arm(&mut self) {
         let daemon = self.daemon.as_ref().expect("one runs");
         let operator = &mut self.operator;
+        // For the message of a failure: what was answered last, and the age of the poses.
+        let last = Cell::new((None, 0.0));
         let armed = || {
             let status = operator.status()?;
-            match status.state {
+            let answer = match status.state {
                 state::IDLE => operator.ask(verb::ARM),
                 state::FAULT => operator.ask(verb::RESET),
-                _ => (),
-            }
+                _ => last.get().0,
+            };
+            last.set((answer, status.pose_age_us));
             (status.state == state::ARMED).then_some(())
         };
-        until(armed, || format!("not armed: {}", daemon.said()));
+        until(armed, || format!("not armed: cause and age of poses {:?}: {}", last.get(), daemon.said()));
     }
 
     /// Waits for a status after `since` without authority and with every coil at rest.

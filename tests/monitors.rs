@@ -12,10 +12,10 @@ use std::ops::ControlFlow;
 use magsteer::config::Config;
 use magsteer::control::{Cycle, CycleInput, CycleOutcome, Step};
 use magsteer::daemon::lockstep::Lockstep;
-use magsteer::daemon::{CycleRecord, DaemonConfig, Mode, Verb};
+use magsteer::daemon::{CycleRecord, DaemonConfig, Mode, SafeAction, Verb};
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::{AdmittedCommand, Hardware, Sensed, Stamp, WriteError};
-use magsteer_sim_plant::{Plant, SimulatedRig};
+use magsteer_sim_plant::{Plant, SimulatedRig, ramp};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rig_support::{Bench, Setup, directions_planar};
@@ -192,6 +192,33 @@ fn coils_that_take_up_more_heat_than_they_bear_stop_the_loop_until_they_cooled()
     assert_eq!(steering.run(Some(Verb::Arm), 0.1), state::ARMED);
 }
 
+/// Goal: a frame that stalls while frames steer is found by its angle, before it is as far off as the driver's own watch allows.
+#[test]
+fn frame_that_stalls_while_frames_steer_is_found() {
+    let setup = Setup::shipped("bigmag-3d.toml");
+    let text = "description = ''\n[[faults]]\nat_s = 0.4\nlasting = true\ntarget = 'frame'\nframe = 'top'\nverb = 'stalled'\n";
+    let mut bench = Bench::with_faults(&setup, Some(text));
+    for (verb, seconds) in [(None, 0.1), (Some(Verb::Arm), 0.1), (Some(Verb::Go), 0.1)] {
+        verb.into_iter().for_each(|verb| bench.request(verb));
+        bench.run(seconds, |_, _| ());
+    }
+    let (mut found, mut off) = (None, 0.0_f64);
+    for angles in [[80.0, 80.0], [110.0, 95.0], [90.0, 110.0], [75.0, 100.0]] {
+        if bench.lockstep.control_loop().state().code() == state::ACTIVE {
+            bench.request(Verb::SetTarget(directions_planar(angles).into()));
+        }
+        bench.run(2.0, |record, _| {
+            if found.is_none() {
+                off = off.max((record.input.measured.angle_rad[1] - record.admitted.angle_rad[1]).abs());
+            }
+            found = found.or(record.decision.cause.filter(|_| record.decision.state >= state::SAFE_STOP));
+        });
+    }
+    println!("{found:?} at {:.1} deg", off.to_degrees());
+    assert_eq!(found, Some(Cause::NotFollowing));
+    assert!((5.0..40.0).contains(&off.to_degrees()));
+}
+
 /// Every second message is turned by 18 deg about y, half of what the model would object to.
 fn shake(sensed: &mut Sensed, _: u64) {
     let Some(pose) = sensed.pose.last.as_mut().filter(|pose| pose.header.sequence % 2 == 0) else { return };
@@ -281,6 +308,61 @@ fn passive_daemon_tells_and_steers_on() {
     });
     assert!(told.contains(&Cause::PoseTooFast), "{told:?}");
     assert_eq!(steering.run(Some(Verb::EmergencyStop), 0.2), state::FAULT);
+}
+
+/// From the first cycle of a stop for want of poses: how long the plant's currents stay within 5 % of what they were, and when
+/// all are at zero, s.
+fn stopped_with(action: SafeAction) -> (f64, f64) {
+    let mut steering = Steering::at([75.0, 80.0], |daemon| {
+        (daemon.safe_action, daemon.safe_hold_ms) = (action, 300.0);
+    });
+    // No newer poses: those there are grow old.
+    steering.tamper(|sensed, reads| {
+        sensed.pose.fresh = false;
+        if let Some(pose) = sensed.pose.last.as_mut() {
+            pose.header.source_stamp_ns -= reads * 1_000_000;
+        }
+    });
+    let (mut begin, mut kept, mut zero) = (None, 0.0, None);
+    let mut cycles = 0.0;
+    _ = steering.lockstep.run(2.0, |record, hardware| {
+        let currents = hardware.rig.plant().actual().current_a;
+        if begin.is_none() && record.decision.state >= state::SAFE_STOP {
+            assert_eq!(record.decision.cause, Some(Cause::PoseStale));
+            begin = Some(currents);
+        }
+        let Some(first) = begin else { return ControlFlow::Continue(()) };
+        cycles += 1e-3;
+        let near = |(now, then): (&f64, &f64)| (now - then).abs() < 0.05 * then.abs() + 0.02;
+        if currents.iter().zip(&first).all(near) {
+            kept = cycles;
+        }
+        if ramp::is_zero(&currents) {
+            zero.get_or_insert(cycles);
+        }
+        ControlFlow::Continue(())
+    });
+    assert_eq!(steering.lockstep.control_loop().state().code(), state::FAULT);
+    steering.lockstep.control_loop_mut().hardware_mut().tamper = None;
+    steering.run(None, 0.2);
+    assert_eq!(steering.run(Some(Verb::Reset), 0.1), state::IDLE);
+    assert_eq!(
+        steering.run(Some(Verb::Arm), 0.1),
+        state::ARMED,
+        "after {action:?} the rig can be armed anew"
+    );
+    (kept, zero.expect("zero within two seconds"))
+}
+
+/// Goal: what safe means, by the plant's own currents: at zero at once, at zero after a hold, and cut.
+#[test]
+fn safe_action_is_what_the_coils_do() {
+    let [ramp, hold, cut] =
+        [SafeAction::Ramp, SafeAction::HoldThenRamp, SafeAction::Disable].map(stopped_with);
+    println!("kept and at zero after s: ramp {ramp:?}, hold {hold:?}, cut {cut:?}");
+    assert!(ramp.0 < 0.01 && ramp.1 < 0.05, "{ramp:?}");
+    assert!((0.295..0.31).contains(&hold.0) && (0.3..0.35).contains(&hold.1), "{hold:?}");
+    assert!(cut.0 < 0.01 && cut.1 < 0.1, "{cut:?}");
 }
 
 /// What a nominal run came to.

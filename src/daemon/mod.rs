@@ -12,6 +12,7 @@
 //! | `trust` | whether driver and sensor can be believed, though what they say is fresh and well formed |
 //! | `causes` | what each cause makes of the daemon |
 //! | `monitors` | slow and narrow judgements: heat, open coils, implausible poses, want of progress |
+//! | `overruns` | whether the loop missed too many periods |
 //! | `passive` | what monitors would have done, in passive mode |
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
@@ -42,6 +43,7 @@ pub mod kernel;
 pub mod lockstep;
 mod monitors;
 mod notify;
+mod overruns;
 mod passive;
 mod phases;
 mod receipt;

@@ -16,6 +16,9 @@
 //!                                     └── from every state but Boot: over-current, driver fault; from all: e-stop
 //! ```
 //!
+//! What a trip does on the way to zero is configuration: ramp, hold the currents for a while and ramp then, or cut the
+//! amplifiers. A stop that an operator asked for ramps.
+//!
 //! Rules: nothing resumes by itself after a stop; a trip is latched before anyone is told; a worse cause
 //! replaces a milder one within an episode, never the other way round.
 

@@ -12,6 +12,7 @@ use magsteer_hal::{HardwareDescription, Stamp};
 use super::causes::is_monitor;
 use super::config::{DaemonConfig, Limits, Mode};
 use super::monitors::{MonitorReport, Monitors, Sample};
+use super::overruns::OverrunBucket;
 use super::state::State;
 use super::trust::{Astray, Trust};
 use crate::control::{Verdict, margin_allowed};
@@ -90,30 +91,6 @@ impl Observation {
 /// half of that.
 const WARNING_BAND: f64 = 0.03;
 
-/// Leaky bucket of missed periods.
-///
-/// Every missed period adds one, every period elapsed drains `fraction`: a loop that misses a smaller share
-/// for ever never fills it, a single stall fills it when it lasts a whole window.
-#[derive(Debug, Clone, Copy)]
-struct OverrunBucket {
-    fraction: f64,
-    capacity: f64,
-    level: f64,
-}
-
-impl OverrunBucket {
-    fn take(&mut self, missed: u64) {
-        // A stall of days need not be counted exactly here, only not overflow.
-        let missed = missed as f64;
-        let change = missed - self.fraction * (missed + 1.0);
-        self.level = (self.level + change).clamp(0.0, self.capacity);
-    }
-
-    fn is_full(&self) -> bool {
-        self.level >= self.capacity
-    }
-}
-
 /// Memory of how long something has been wrong.
 #[derive(Debug, Clone)]
 pub struct Watch {
@@ -155,11 +132,7 @@ impl Watch {
     #[must_use]
     pub fn new(config: &DaemonConfig, rig: &HardwareDescription) -> Self {
         let limits = config.limits();
-        let overruns = OverrunBucket {
-            fraction: limits.overrun_fraction,
-            capacity: limits.overrun_capacity,
-            level: 0.0,
-        };
+        let overruns = OverrunBucket::new(limits.overrun_fraction, limits.overrun_capacity);
         Self {
             limits,
             overruns,
@@ -352,7 +325,7 @@ impl Watch {
             Cause::ModelNotConverged => !seen.model_converged,
             Cause::FieldModelInvalid => !seen.field_valid,
             Cause::ModelOff => seen.model_converged && self.monitors.model_is_off(seen.pose_error),
-            Cause::Overruns => self.overruns.level > 0.5 * self.overruns.capacity,
+            Cause::Overruns => self.overruns.is_half_full(),
             Cause::FeedbackStale => seen.fresh_driver(self.limits.feedback_stop).is_none(),
             Cause::DescriptionMismatch => seen.description_mismatch,
             Cause::CoilOverheated => self.monitors.is_hot(),
@@ -432,52 +405,4 @@ fn since(begin: Option<Stamp>, wrong: bool, now: Stamp) -> Option<Stamp> {
 /// True when something that began then has lasted for longer than `limit`.
 pub(super) fn lasted(begin: Option<Stamp>, now: Stamp, limit: Duration) -> bool {
     begin.is_some_and(|begin| now.since(begin) > limit)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::OverrunBucket;
-
-    /// Limits of the shipped files at 1 kHz: half of all periods over 400 ms.
-    fn bucket() -> OverrunBucket {
-        OverrunBucket { fraction: 0.5, capacity: 200.0, level: 0.0 }
-    }
-
-    /// Runs `cycles` cycles that each miss `missed` periods; true when the bucket filled.
-    fn fills(bucket: &mut OverrunBucket, cycles: u32, missed: u64) -> bool {
-        (0..cycles).any(|_| {
-            bucket.take(missed);
-            bucket.is_full()
-        })
-    }
-
-    #[test]
-    fn pauses_of_50_ms_now_and_then_do_not_trip() {
-        let mut bucket = bucket();
-        for _ in 0..100 {
-            assert!(!fills(&mut bucket, 1, 50));
-            assert!(!fills(&mut bucket, 100, 0));
-        }
-    }
-
-    #[test]
-    fn a_loop_that_misses_a_third_for_ever_does_not_trip() {
-        let mut bucket = bucket();
-        for _ in 0..10_000 {
-            assert!(!fills(&mut bucket, 1, 1));
-            assert!(!fills(&mut bucket, 1, 0));
-        }
-    }
-
-    #[test]
-    fn a_loop_that_misses_nine_of_ten_trips_within_half_a_second() {
-        // 10 periods a cycle, so that 50 cycles are half a second.
-        assert!(fills(&mut bucket(), 50, 9));
-    }
-
-    #[test]
-    fn a_stall_as_long_as_the_window_trips_at_once() {
-        assert!(fills(&mut bucket(), 1, 402));
-        assert!(!fills(&mut bucket(), 1, 390));
-    }
 }

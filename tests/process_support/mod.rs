@@ -203,10 +203,11 @@ impl Operator {
         self.until(|status| status.state == code)
     }
 
-    /// Asks; whether it was done shows in the status.
-    pub fn ask(&mut self, verb: u32) {
+    /// Asks; whether it was done shows in the status. Why not is for messages of failed tests: the code of the cause,
+    /// 0 when it was accepted; `None` without an answer.
+    pub fn ask(&mut self, verb: u32) -> Option<u32> {
         let request = OperatorRequest { verb, ..OperatorRequest::default() };
-        let _ = self.0.send(request, ANSWER_WAIT);
+        self.0.send(request, ANSWER_WAIT).ok().map(|answer| answer.cause)
     }
 
     /// Asks for one state after the other until coils carry current. What a machine that stops processes did to the loop
@@ -219,12 +220,12 @@ impl Operator {
                 let status = self.status()?;
                 last = Some(status);
                 match status.state {
-                    state::IDLE => self.ask(verb::ARM),
+                    state::IDLE => _ = self.ask(verb::ARM),
                     state::ARMED => {
                         self.set_target();
                         self.ask(verb::GO);
                     }
-                    state::FAULT => self.ask(verb::RESET),
+                    state::FAULT => _ = self.ask(verb::RESET),
                     _ => (),
                 }
                 Some(status).filter(steers)

@@ -92,7 +92,8 @@ impl Monitors {
         }
     }
 
-    /// Takes one cycle. `model_error` as [`Progress::take`] has it.
+    /// Takes one cycle. `model_error` is the greatest angle between measured and predicted directions, rad, where the
+    /// model found an equilibrium.
     pub fn take(&mut self, sample: &Sample, now: Stamp, model_error: Option<f64>, verdict: Verdict) {
         let elapsed = self.previous.map_or(Duration::ZERO, |previous| now.since(previous));
         self.previous = Some(now);

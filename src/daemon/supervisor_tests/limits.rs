@@ -141,7 +141,7 @@ fn the_first_command_of_an_activity_is_what_was_measured() {
 #[test]
 fn arming_names_what_is_missing() {
     type Spoil = fn(&mut Bench);
-    let cases: [(Cause, Spoil); 6] = [
+    let cases: [(Cause, Spoil); 7] = [
         (Cause::PoseStale, |bench| {
             bench.sensor_alive = false;
             bench.cycles(100);
@@ -152,6 +152,12 @@ fn arming_names_what_is_missing() {
         }),
         (Cause::DriverBusy, |bench| bench.driver().state = driver_state::DRIVEN),
         (Cause::DriverBusy, |bench| bench.driver().current_max = 0.2),
+        (Cause::CoilOverheated, |bench| {
+            // So much only to be quick about it.
+            bench.measured().current_a[2] = 150.0;
+            bench.cycles(400);
+            bench.measured().current_a[2] = 0.0;
+        }),
         (Cause::DescriptionMismatch, |bench| bench.seen.description_mismatch = true),
         (Cause::ArmTimeout, |bench| bench.driver_obeys = false),
     ];

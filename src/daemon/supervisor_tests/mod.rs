@@ -4,5 +4,6 @@
 mod bench;
 mod limits;
 mod random;
+mod safe;
 mod stability;
 mod table;
