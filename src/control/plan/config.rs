@@ -1,11 +1,17 @@
 //! `[control.plan]` of the configuration file.
 
+use std::ops::RangeInclusive;
+
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::invalid::{Checks, Invalid};
 use serde::{Deserialize, Serialize};
 
 /// Most frame settings of a search; a hundred take some 0.1 s of a core.
 const SETTINGS_MAX: usize = 10_000;
+/// Steps between frame angles that may be asked for.
+const STEP_DEG: RangeInclusive<f64> = 1.0..=180.0;
+/// Farthest frame angles that may be asked for.
+const RANGE_DEG: RangeInclusive<f64> = 0.0..=180.0;
 
 /// `[control.plan]`: how frame angles are searched for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -28,8 +34,13 @@ pub struct PlanConfig {
 impl PlanConfig {
     /// Adds every value out of its range, keyed from the root of the file.
     pub fn check(&self, checks: &mut Checks) {
-        checks.within("control.plan.frame_step_deg", self.frame_step_deg, 1.0, 180.0);
-        checks.within("control.plan.frame_range_deg", self.frame_range_deg, 0.0, 180.0);
+        checks.within("control.plan.frame_step_deg", self.frame_step_deg, *STEP_DEG.start(), *STEP_DEG.end());
+        checks.within(
+            "control.plan.frame_range_deg",
+            self.frame_range_deg,
+            *RANGE_DEG.start(),
+            *RANGE_DEG.end(),
+        );
         checks.within("control.plan.disturbance_deg", self.disturbance_deg, 0.0, 30.0);
         checks.within("control.plan.margin_min", self.margin_min, 0.0, 1.0);
         checks.within("control.plan.margin_wanted", self.margin_wanted, 0.0, 1.0);
@@ -40,6 +51,10 @@ impl PlanConfig {
     #[must_use]
     pub(in crate::control) fn check_rig(&self, description: &HardwareDescription) -> Vec<Invalid> {
         let mut checks = Checks::new();
+        // Values out of their own ranges are refused by `check`; a grid of them may not even fit into memory.
+        if !(STEP_DEG.contains(&self.frame_step_deg) && RANGE_DEG.contains(&self.frame_range_deg)) {
+            return Vec::new();
+        }
         let angles = (0..description.frames.len()).map(|frame| self.angles(description, frame).len());
         let settings = angles.fold(1_usize, usize::saturating_mul);
         checks.require(
@@ -93,6 +108,17 @@ mod tests {
         assert_eq!(refused.len(), 1);
         assert_eq!(refused[0].key, "control.plan.frame_step_deg");
         assert!(refused[0].value.contains("130321 settings"), "{refused:?}");
+    }
+
+    /// Goal: a grid that would not fit into memory is refused by the range of its key, and never made.
+    #[test]
+    fn a_grid_out_of_its_range_is_refused_before_it_is_counted() {
+        for (step, range) in [(1e-12, 90.0), (10.0, 1e12), (10.0, f64::INFINITY), (f64::NAN, 90.0)] {
+            assert_eq!(config(step, range).check_rig(&example_description()), []);
+            let mut checks = Checks::new();
+            config(step, range).check(&mut checks);
+            assert_eq!(checks.into_result(()).expect_err("out of its range").len(), 1, "{step} {range}");
+        }
     }
 
     #[test]
