@@ -4,6 +4,8 @@
 
 mod process_support;
 
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -92,7 +94,9 @@ fn a_stopped_process_is_left_alone() {
 
 #[test]
 fn the_answer_has_the_published_keys_and_the_exit_code_follows_from_it() {
-    let root = tempfile::tempdir().expect("a directory");
+    let mut builder = tempfile::Builder::new();
+    // Channels are for one user only.
+    let root = builder.permissions(Permissions::from_mode(0o700)).tempdir().expect("a directory");
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/config/bigmag-planar.toml");
     let output = Command::new(env!("CARGO_BIN_EXE_magsteer"))
         .args(["doctor", file, "--json", "--seconds", "0.1", "--root"])

@@ -9,8 +9,8 @@ use magsteer_hal::invalid::{Checks, Invalid};
 use serde::{Deserialize, Serialize};
 
 use super::clock::Pace;
-use super::recorder::RecorderConfig;
 use super::monitors::MonitorsConfig;
+use super::recorder::RecorderConfig;
 
 /// What to do where the kernel does not grant real time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

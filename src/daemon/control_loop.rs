@@ -21,9 +21,9 @@ use magsteer_hal::{
 
 use super::clock::Tick;
 use super::config::DaemonConfig;
+use super::monitors::{MonitorReport, Sample};
 use super::phases::{Phase, PhaseTimes, PhaseWatch, Untimed};
 use super::receipt::{Receipt, Receipts};
-use super::monitors::{MonitorReport, Sample};
 use super::state::{Directive, Request, State};
 use super::statistics::CycleTiming;
 use super::supervisor::{Decision, Supervisor};
