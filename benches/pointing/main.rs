@@ -1,4 +1,4 @@
-//! Pointing two magnets in 3-D: what planner and loop reach. Prints tables; `cargo bench --bench pointing -- [COUNT] [CONE_DEG…]`.
+//! Pointing two magnets in 3-D: what planner and loop reach. Prints tables; `cargo bench --bench pointing -- [COUNT] [CONE_DEG…] [FILE.toml…]`.
 //!
 //! Pairs of pointing targets are drawn uniformly in a cone about each magnet's rest direction, one pair after another. The planner leads
 //! from each to the next through its model; the loop follows the way on the simulated plant, whose parameters are off as the
@@ -35,7 +35,9 @@ fn main() {
     let (count, cones) = numbers.split_first().map_or((40, &[30.0, 60.0][..]), |(count, cones)| {
         (*count as usize, if cones.is_empty() { &[30.0, 60.0][..] } else { cones })
     });
-    for name in ["bigmag-3d.toml", "bigmag-14.toml"] {
+    let named: Vec<String> = std::env::args().filter(|word| word.ends_with(".toml")).collect();
+    let shipped = ["bigmag-3d.toml", "bigmag-14.toml"].map(str::to_owned);
+    for name in if named.is_empty() { &shipped[..] } else { &named[..] } {
         let setup = Setup::shipped(name);
         for cone in cones {
             survey(name, &setup, *cone, count);
@@ -120,7 +122,8 @@ fn play(setup: &Setup, planner: &Planner, plans: &[Option<Plan>], targets: &[Dir
 fn play_on(setup: &Setup, rest: &Standing, ways: &[(usize, Plan)], outcome: &mut Outcome) -> usize {
     let mut steps = Vec::new();
     let mut last_of = Vec::new();
-    let mut from = Waypoint { directions: rest.posture.directions, frame_angles: Default::default() };
+    let rest = &rest.posture;
+    let mut from = Waypoint { directions: rest.directions, frame_angles: rest.present.actuation.angle_rad };
     for (index, plan) in ways {
         for (leg, waypoint) in plan.waypoints.iter().enumerate() {
             let is_last = leg + 1 == plan.waypoints.len();

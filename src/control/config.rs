@@ -1,7 +1,7 @@
 //! `[control]` of the configuration file.
 
-use magsteer_hal::HardwareDescription;
 use magsteer_hal::invalid::{Checks, Invalid};
+use magsteer_hal::{HardwareDescription, POSE_PARAMETERS_MAX};
 use serde::{Deserialize, Serialize};
 
 use super::algorithm_1::{Algorithm1Config, JacobianKind};
@@ -80,6 +80,17 @@ pub enum FrameUse {
 }
 
 impl ControlConfig {
+    /// Where the frames of `description` stand while nothing steers them, rad: at home where they are steered, else at zero.
+    #[must_use]
+    pub fn resting_frames(&self, description: &HardwareDescription) -> [f64; POSE_PARAMETERS_MAX] {
+        let mut angles = [0.0; POSE_PARAMETERS_MAX];
+        let steered = self.secondary.as_ref().filter(|_| self.frame_angles == FrameUse::Steer);
+        for (angle, home) in angles.iter_mut().zip(steered.iter().flat_map(|tasks| tasks.home(description))) {
+            *angle = home;
+        }
+        angles
+    }
+
     /// Every value out of its range, keyed from the root of the file; none when the section is usable.
     #[must_use]
     pub fn check(&self) -> Vec<Invalid> {

@@ -79,6 +79,12 @@ impl SecondaryConfig {
         }
     }
 
+    /// Home of each frame of `description`, rad.
+    pub(super) fn home(&self, description: &HardwareDescription) -> impl Iterator<Item = f64> {
+        let home = |name| self.frame_home_deg.get(name).map_or(0.0, |home: &f64| home.to_radians());
+        description.frames.iter().map(move |frame| home(&frame.name))
+    }
+
     /// What does not fit the rig of `description`, keyed from the root of the file.
     #[must_use]
     pub fn check_rig(&self, description: &HardwareDescription) -> Vec<Invalid> {
@@ -147,11 +153,7 @@ impl SecondaryTasks {
         let tasks = steered.map(|secondary| FrameTasks {
             conditioning: secondary.conditioning_max_deg_per_s.to_radians(),
             centering: secondary.frame_centering_per_s,
-            home: description
-                .frames
-                .iter()
-                .map(|frame| secondary.frame_home_deg.get(&frame.name).map_or(0.0, |home| home.to_radians()))
-                .collect(),
+            home: secondary.home(description).collect(),
             acceleration: config.reference_frame_acceleration_max_deg_per_s2.to_radians(),
         });
         Self {

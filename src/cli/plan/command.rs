@@ -101,7 +101,7 @@ impl Plan {
             output::note(format_args!("{}: not written: no target was reached", out.display()));
             return Ok(());
         }
-        let rest = &subject.planner.rest().posture.directions;
+        let rest = &subject.planner.rest().posture;
         let text = way::experiment(&subject.description, rest, &found.plans, !self.path, self.settle_s);
         data_file::create(out, text.as_bytes())?;
         // What cannot be played must not lie about as if it could.

@@ -2,8 +2,7 @@
 
 use std::fmt::Write;
 
-use magsteer::control::Directions;
-use magsteer::control::plan::{Plan, Unreached, Waypoint};
+use magsteer::control::plan::{Plan, Posture, Unreached, Waypoint};
 use magsteer_hal::HardwareDescription;
 
 /// Time for frames to get up to speed and slow down again, s.
@@ -13,7 +12,7 @@ const FRAME_RAMPS_S: f64 = 0.5;
 /// Each step lasts as long as frames turn and magnets settle, `settle_s`.
 pub fn experiment(
     rig: &HardwareDescription,
-    rest: &Directions,
+    rest: &Posture,
     plans: &[Result<Plan, Unreached>],
     returns: bool,
     settle_s: f64,
@@ -23,7 +22,7 @@ pub fn experiment(
         axis = [0.0, 1.0, 0.0]\n\
         zero_direction = [0.0, 0.0, 1.0]\n"
         .to_owned();
-    let mut before = Waypoint { directions: *rest, frame_angles: Default::default() };
+    let mut before = Waypoint { directions: rest.directions, frame_angles: rest.present.actuation.angle_rad };
     let last = plans.iter().rposition(Result::is_ok);
     for (index, plan) in plans.iter().enumerate() {
         let Ok(plan) = plan else { continue };
