@@ -15,9 +15,6 @@ use crate::rod::Manipulator;
 /// By how much worse the direct way may be than one by way of rest, as a ratio of scores, and still be preferred.
 const DIRECT_PREFERENCE: f64 = 2.0;
 
-/// Greatest turn of a magnet between two stations where ways are walked once more and no scout says so, rad.
-const CONFIRMING_STATION: f64 = 1.5_f64.to_radians();
-
 /// Frame angles, rad.
 pub(super) type Setting = [f64; POSE_PARAMETERS_MAX];
 
@@ -67,8 +64,6 @@ pub struct Unreached {
 #[derive(Debug, Clone)]
 pub struct Planner {
     pub(super) walker: Walker,
-    /// Walks found ways once more, as the scout will.
-    pub(super) scout: Walker,
     /// Best first, by what holding the rod at rest against disturbances takes.
     pub(super) settings: Vec<Tried>,
     pub(super) groups: Vec<Vec<Route>>,
@@ -104,9 +99,6 @@ impl Planner {
                 })
                 .collect();
         }
-        let station =
-            control.scout.as_ref().map_or(CONFIRMING_STATION, |scout| scout.station_deg.to_radians());
-        let scout = Walker::for_scout(station, control, description, manipulator.clone());
         let mut walker = Walker::new(control, description, manipulator, plan.disturbance_deg.to_radians());
         let angle_rad = control.resting_frames(description);
         // Frames that turn without currents turn nothing.
@@ -114,7 +106,6 @@ impl Planner {
         let mut planner = Self {
             rest: Standing { posture: walker.posture(), home: Vec::new() },
             walker,
-            scout,
             settings: Vec::new(),
             groups: Route::groups(magnets),
             bounds: Bounds { margin_min: plan.margin_min, tolerance: plan.tolerance_deg.to_radians() },

@@ -1,4 +1,4 @@
-//! What the flight recorder costs: `cargo run --release --example recorder_cost`.
+//! What the flight recorder costs: `cargo bench --bench recorder`.
 //!
 //! The loop's thread hands its record on with or without a recorder; the first numbers are that hand-over,
 //! beside the cycle itself. The others are the telemetry thread's: encoding a record into the ring, while
