@@ -1,12 +1,11 @@
 //! When a long-running command is told to end: by a signal, or because whoever started it is gone.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use magsteer::daemon::StopFlag;
 use magsteer::daemon::kernel::Signals;
-use magsteer::daemon::{Notify, StopFlag};
-use magsteer_hal::Stamp;
 
 use super::exit::Exit;
 
@@ -14,8 +13,6 @@ use super::exit::Exit;
 const STDIN_CLOSED: i32 = 1_000;
 /// How often the thread that takes signals looks whether the work has ended.
 const SIGNAL_POLL: Duration = Duration::from_millis(50);
-/// How often the thread that tells the service manager looks at what has been done.
-const MANAGER_POLL: Duration = Duration::from_millis(10);
 
 /// Runs `work` while SIGINT, SIGTERM, SIGHUP and, with `end_with_stdin`, the end of standard input are noted in `stop` and
 /// handed to `ask`.
@@ -49,40 +46,12 @@ pub fn watching<T>(
 }
 
 /// Sets its flag when it goes, by a panic too: threads of a scope that wait for it must not wait for ever.
-struct SetAtEnd<'a>(&'a AtomicBool);
+pub struct SetAtEnd<'a>(pub &'a AtomicBool);
 
 impl Drop for SetAtEnd<'_> {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Release);
     }
-}
-
-/// Runs `work`, which counts in `progress`, while a thread tells the service manager how it goes.
-pub fn managed<T>(stop: &StopFlag, progress: &AtomicU64, text: &str, work: impl FnOnce() -> T) -> T {
-    let ended = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            let mut notify = Notify::from_environment();
-            loop {
-                // Looked at first: what was asked before the end is told in any case.
-                let is_over = ended.load(Ordering::Acquire);
-                if stop.requested().is_some() {
-                    notify.stopping();
-                }
-                let count = progress.load(Ordering::Relaxed);
-                if count > 0 {
-                    notify.progress(Stamp::now(), count);
-                    notify.status(text);
-                }
-                if is_over {
-                    break;
-                }
-                std::thread::sleep(MANAGER_POLL);
-            }
-        });
-        let _ended = SetAtEnd(&ended);
-        work()
-    })
 }
 
 /// How a command ends that was asked to.

@@ -24,6 +24,8 @@ mod field;
     expect(dead_code, reason = "pictures of demonstrations and campaigns are not drawn")
 )]
 mod figures;
+#[cfg(feature = "sim")]
+mod managed;
 mod operator;
 mod output;
 mod overlay;

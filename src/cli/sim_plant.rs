@@ -11,8 +11,9 @@ use magsteer_sim_plant::actuation::{Fault, fault_code};
 use magsteer_sim_plant::{PlantConfig, process};
 use serde::{Deserialize, Serialize};
 
-use super::ending::{exit_of, managed, watching};
+use super::ending::{exit_of, watching};
 use super::exit::Exit;
+use super::managed::managed;
 use super::output;
 use super::rig_file::{RootArgs, channel_failure, keep_files_private};
 use super::sim_faults::{FaultArgs, FaultReport, join, telling};
