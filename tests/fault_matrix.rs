@@ -317,16 +317,19 @@ fn check(what: &str, code: u32, does: &Does, came: &Came) {
     assert!(first.is_some() || matches!(does, Nothing), "{context}");
 }
 
+/// Proves SR-10 and SR-11.
 #[test]
 fn faults_of_poses_stop_what_steers_and_nothing_else() {
     assert_eq!(hold_to(POSES), 65);
 }
 
+/// Proves SR-02.
 #[test]
 fn faults_of_feedback_stop_whoever_holds_authority() {
     assert_eq!(hold_to(FEEDBACK), 45);
 }
 
+/// Proves SR-12.
 #[test]
 fn faults_of_commands_and_actuators_end_at_zero_current_by_the_drivers_own_guard() {
     assert_eq!(hold_to(ACTUATORS), 55);

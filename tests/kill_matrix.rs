@@ -227,6 +227,7 @@ fn came_to_zero(world: &World, end: &End) -> (f64, f64) {
     (took, allowed)
 }
 
+/// Proves SR-01, SR-02, SR-03 and SR-15.
 #[test]
 fn either_side_killed_stopped_or_ended_in_any_state_leaves_zero_current_and_a_pair_that_comes_back() {
     let rounds: usize =
@@ -253,6 +254,7 @@ fn either_side_killed_stopped_or_ended_in_any_state_leaves_zero_current_and_a_pa
     assert_eq!((all.len(), failed.load(Ordering::Relaxed)), (42 * rounds, 0));
 }
 
+/// Proves SR-15.
 /// Goal: a terminal that is closed ramps the coils down as a request to end does.
 #[test]
 fn closed_terminal_ends_both_sides_at_zero_current() {

@@ -62,8 +62,11 @@ pub fn draw(path: &Path, flight: &Flight, around: Option<f64>) -> anyhow::Result
             },
         ],
     });
-    let title =
-        format!("{} ({}, cycle {})", flight.header.words(), flight.header.rig, flight.header.trigger_cycle);
+    let header = &flight.header;
+    let words = header.words();
+    // What came after it is longer than a picture is wide; `runs show` prints all.
+    let trip = words.split(", then").next().unwrap_or_default();
+    let title = format!("{}, cycle {}: {trip}", header.rig, header.trigger_cycle);
     stacked(path, &title, &panels)
 }
 
