@@ -54,8 +54,7 @@ fn run(allocations: u32) -> (LoopEnd, u64) {
     let (stop, mut steered) = (StopFlag::new(), 0);
     let controller = Wasteful { allocations, cycles: 0, steered: &mut steered, stop: &stop };
     let hardware = EchoHardware::new(&description);
-    let control_loop =
-        ControlLoop::new(hardware, controller, &description, &config, LoopOptions::default());
+    let control_loop = ControlLoop::new(hardware, controller, &description, &config, LoopOptions::default());
     let (statistics, counters) = (Statistics::new(config.rate_hz), LoopCounters::default());
     let end = run_loop(control_loop, config.pace(), statistics, rings, &counters, &stop);
     (end, steered)

@@ -27,6 +27,8 @@ mod figures;
 mod operator;
 mod output;
 mod overlay;
+#[cfg(feature = "sim")]
+mod pair;
 mod plan;
 mod play;
 mod reach;
@@ -44,6 +46,8 @@ mod shipped;
 mod sim_faults;
 #[cfg(feature = "sim")]
 mod sim_plant;
+#[cfg(feature = "sim")]
+mod soak;
 mod status;
 mod target;
 mod tune;

@@ -212,8 +212,16 @@ pub fn run<S: Step + Send>(
             std::thread::Builder::new().name("magsteer-comms".to_owned()).spawn_scoped(scope, || {
                 tell_refused(&request_ordinary(plan.config.cpu));
                 let server = operators.into_server()?;
-                Telemetry::new(server, telemetry_rings, plan.description, plan.config, plan.arm, recorder, notify)
-                    .serve(&counters, stop);
+                Telemetry::new(
+                    server,
+                    telemetry_rings,
+                    plan.description,
+                    plan.config,
+                    plan.arm,
+                    recorder,
+                    notify,
+                )
+                .serve(&counters, stop);
                 Ok(())
             });
         let telemetry_thread = telemetry_thread.inspect_err(|_| stop.request(THREAD_DIED))?;
