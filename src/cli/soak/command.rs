@@ -82,6 +82,11 @@ pub struct Soak {
     json: bool,
 }
 
+/// What daemon and plant said at their end.
+type Reports = (RunReport, PlantReport);
+/// How it went, unless it was broken off before it began; the reports of processes that were started for it.
+type Soaked = (Option<Course>, Option<Reports>);
+
 /// What was read before anything was started.
 struct Subject {
     document: Document,
@@ -129,11 +134,7 @@ impl Soak {
     }
 
     /// Soaks a plant and a daemon that live as long as the soak.
-    fn own_pair(
-        &self,
-        subject: &Subject,
-        stop: &StopFlag,
-    ) -> anyhow::Result<(Option<Course>, Option<(RunReport, PlantReport)>)> {
+    fn own_pair(&self, subject: &Subject, stop: &StopFlag) -> anyhow::Result<Soaked> {
         let faults: Vec<&OsStr> = match &self.fault_plan {
             Some(plan) => vec!["--allow-faults".as_ref(), "--fault-plan".as_ref(), plan.as_os_str()],
             None => Vec::new(),
@@ -159,11 +160,7 @@ impl Soak {
     }
 
     /// Soaks a daemon that was there before, and stays.
-    fn attached(
-        &self,
-        subject: &Subject,
-        stop: &StopFlag,
-    ) -> anyhow::Result<(Option<Course>, Option<(RunReport, PlantReport)>)> {
+    fn attached(&self, subject: &Subject, stop: &StopFlag) -> anyhow::Result<Soaked> {
         let rig = &subject.config.description.rig;
         let endpoint = Endpoint::new(rig, self.root.as_deref()).map_err(channel_failure)?;
         let mut steering = self.steering(subject, &endpoint)?;
@@ -192,12 +189,7 @@ impl Soak {
     }
 
     /// Writes the files, and prints the last line.
-    fn tell(
-        &self,
-        subject: &Subject,
-        course: &Course,
-        reports: Option<&(RunReport, PlantReport)>,
-    ) -> anyhow::Result<()> {
+    fn tell(&self, subject: &Subject, course: &Course, reports: Option<&Reports>) -> anyhow::Result<()> {
         let sha256 = subject.document.resolved().sha256;
         let machine = Provenance::of(&Machine::this(), subject.config.daemon.as_ref(), sha256);
         let report = Report::new(course, &machine, reports, &subject.folder);

@@ -83,9 +83,6 @@ pub fn run(
         if let Some(cause) = steering.lost() {
             break Some(format!("the daemon stopped steering: {cause}"));
         }
-        if elapsed >= plan.duration {
-            break None;
-        }
         if elapsed >= MINUTE * (minutes.len() as u32 + 1) {
             let measures = watch.minute(steering, minutes.len() as u64 + 1);
             lines.write(&measures)?;
@@ -94,6 +91,10 @@ pub fn run(
             if judged.iter().any(|threshold| !threshold.held) {
                 break None;
             }
+        }
+        // After the minute that ends with it.
+        if elapsed >= plan.duration {
+            break None;
         }
         line.draw(|| watch.now(steering).line(), REDRAW);
         std::thread::sleep(POLL);

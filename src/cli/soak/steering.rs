@@ -250,11 +250,7 @@ impl<'a> Steering<'a> {
     fn bring_back(&mut self, status: &StatusMessage) {
         match status.state {
             state::IDLE => _ = self.ask(verb::ARM),
-            state::ARMED => {
-                if self.set_target() {
-                    self.ask(verb::GO);
-                }
-            }
+            state::ARMED => _ = self.set_target() && self.ask(verb::GO),
             state::FAULT if self.recovers => _ = self.ask(verb::RESET),
             _ => {}
         }
