@@ -1,5 +1,5 @@
-//! Goal: a daemon tells how often its loop allocates, in service and not in tests alone, and does not blame it for the transport's
-//! one allocation a message.
+//! Goal: a daemon tells how often its loop allocates, in service and not in tests alone, and does not blame
+//! it for the transport's one allocation a message.
 
 use magsteer::control::{CycleInput, CycleOutcome, Step};
 use magsteer::daemon::{

@@ -1,4 +1,5 @@
-//! Soaks of some seconds: they pass, break, recover and are broken off, and whatever happens coils end at zero.
+//! Soaks of some seconds: they pass, break, recover and are broken off, and whatever happens coils end at
+//! zero.
 //!
 //! No test judges a time: how late a shared machine lets a loop be is not this program's affair.
 #![cfg(feature = "sim")]

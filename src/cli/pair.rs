@@ -1,4 +1,5 @@
-//! Plant and daemon as two child processes that meet in shared memory alone, for commands that bring their own rig.
+//! Plant and daemon as two child processes that meet in shared memory alone, for commands that bring their
+//! own rig.
 
 use std::ffi::OsStr;
 use std::io::Read;

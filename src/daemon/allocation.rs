@@ -1,6 +1,8 @@
-//! Counts how often each thread allocates, so that a loop that is to allocate nothing can be held to it in service too.
+//! Counts how often each thread allocates, so that a loop that is to allocate nothing can be held to it in
+//! service too.
 //!
-//! Method: an allocator that hands every call to the system's and adds one to a number of the calling thread. A program opts in:
+//! Method: an allocator that hands every call to the system's and adds one to a number of the calling thread.
+//! A program opts in:
 //!
 //! ```
 //! #[global_allocator]
@@ -10,7 +12,8 @@
 //! # assert_eq!(magsteer::daemon::allocations_of_thread(), before + 1);
 //! ```
 //!
-//! Costs one addition an allocation. In a program that did not opt in every count is 0, and [`is_counting`] tells.
+//! Costs one addition an allocation. In a program that did not opt in every count is 0, and [`is_counting`]
+//! tells.
 #![expect(unsafe_code, reason = "an allocator that counts has no safe form")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -44,8 +47,8 @@ fn count() {
     let _ = OF_THREAD.try_with(|count| count.set(count.get() + 1));
 }
 
-// SAFETY: every call goes to the system's allocator unchanged; counting touches a number that needs neither allocation nor
-// destruction.
+// SAFETY: every call goes to the system's allocator unchanged; counting touches a number that needs neither
+// allocation nor destruction.
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();

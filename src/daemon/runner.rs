@@ -88,8 +88,9 @@ pub struct LoopEnd {
     pub timing: TimingSummary,
     /// The same cycles, bin by bin.
     pub histograms: TimingHistograms,
-    /// Allocations of the loop's thread within its cycles, beyond the transport's one a message sent; counted from the second
-    /// message on, since the first one forms the connection. 0 in a program whose allocator does not count.
+    /// Allocations of the loop's thread within its cycles, beyond the transport's one a message sent; counted
+    /// from the second message on, since the first one forms the connection. 0 in a program whose
+    /// allocator does not count.
     pub allocations: u64,
     /// What the loop's thread met while it cycled.
     pub usage: ThreadUsage,

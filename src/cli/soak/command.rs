@@ -35,9 +35,9 @@ const RAMP_WAIT: Duration = Duration::from_secs(5);
 
 /// Steer for hours, measure all the while, and stop at the first broken threshold.
 ///
-/// Starts the simulated rig and the daemon as processes of their own, or attaches to a daemon that runs. Ends with 0 when every
-/// threshold held to the end; with 1 when one was broken, after the last 10 s were saved and the coils ramped to zero, or when
-/// steering ended; with 130 or 143 after a signal.
+/// Starts the simulated rig and the daemon as processes of their own, or attaches to a daemon that runs. Ends
+/// with 0 when every threshold held to the end; with 1 when one was broken, after the last 10 s were saved
+/// and the coils ramped to zero, or when steering ended; with 130 or 143 after a signal.
 #[derive(Debug, Args)]
 #[command(
     after_help = "A metric that is not known here breaks its threshold. A wrong name lists the known ones.\n\nExample:\n  \
@@ -54,11 +54,12 @@ pub struct Soak {
     /// The same in minutes.
     #[arg(long, value_name = "M", value_parser = positive)]
     minutes: Option<f64>,
-    /// Experiment whose steps are played over and over; config/experiments/planar.toml when left out, or the copy of it in this
-    /// program.
+    /// Experiment whose steps are played over and over; config/experiments/planar.toml when left out, or the
+    /// copy of it in this program.
     #[arg(long, value_name = "FILE")]
     experiment: Option<PathBuf>,
-    /// Faults by script (TOML), timed from the start of the simulated rig; after a trip the daemon is reset and armed again.
+    /// Faults by script (TOML), timed from the start of the simulated rig; after a trip the daemon is reset
+    /// and armed again.
     #[arg(long, value_name = "PLAN", conflicts_with = "attach")]
     fault_plan: Option<PathBuf>,
     /// Soak the daemon of this rig that runs already; it goes on afterwards, at rest.
@@ -67,8 +68,8 @@ pub struct Soak {
     /// Threads of ordinary priority that keep the machine busy meanwhile.
     #[arg(long, value_name = "N", default_value_t = 0)]
     load: u32,
-    /// What must not be: METRIC COMPARISON NUMBER, between commas. Checked each minute, times over that minute and counts since the
-    /// begin; and at the end, times over the whole run.
+    /// What must not be: METRIC COMPARISON NUMBER, between commas. Checked each minute, times over that
+    /// minute and counts since the begin; and at the end, times over the whole run.
     #[arg(long, value_name = "LIST")]
     fail_on: Option<Thresholds>,
     /// Folder for this soak's files; a dated one below `runs` when left out.

@@ -50,8 +50,8 @@ pub struct Course {
     pub broken: Vec<String>,
 }
 
-/// Steers until the time is over, a threshold is broken, steering ends, or `stop` is set. `check` fails when what is soaked died;
-/// `process` looks the daemon's process up.
+/// Steers until the time is over, a threshold is broken, steering ends, or `stop` is set. `check` fails when
+/// what is soaked died; `process` looks the daemon's process up.
 ///
 /// # Errors
 /// What `check` says; when the daemon falls silent or does not come to steer; when a line cannot be written.
@@ -172,11 +172,13 @@ impl Watch {
         let rss_mb = self.process.as_ref().and_then(DaemonProcess::rss_mb);
         let load = self.machine.text("/proc/loadavg");
         let tally = steering.tally();
+        let missed = status.missed.saturating_sub(self.first.missed);
         Measures {
             minute: elapsed.as_secs() / MINUTE.as_secs(),
             elapsed_s: elapsed.as_secs_f64(),
-            cycles: status.cycle.saturating_sub(self.first.cycle),
-            missed: status.missed.saturating_sub(self.first.missed),
+            // Numbers count skipped periods too.
+            cycles: status.cycle.saturating_sub(self.first.cycle).saturating_sub(missed),
+            missed,
             lateness_us: timing.lateness_us,
             execution_us: timing.execution_us,
             pose_to_command_us: timing.pose_to_command_us,

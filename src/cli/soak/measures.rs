@@ -1,7 +1,7 @@
 //! What is known of a soak at the end of a minute; each number is a metric with a name.
 //!
-//! Counts are those since the soak began to steer. Times are those of the last whole minute of the daemon's loop; at the end of the
-//! soak, and before there is such a minute, those since the daemon's start.
+//! Counts are those since the soak began to steer. Times are those of the last whole minute of the daemon's
+//! loop; at the end of the soak, and before there is such a minute, those since the daemon's start.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,9 @@
-//! An operator that brings a daemon to where it steers, plays an experiment over and over, and counts what becomes of it.
+//! An operator that brings a daemon to where it steers, plays an experiment over and over, and counts what
+//! becomes of it.
 //!
-//! Method: looked at often, it does what the daemon's state asks for: arm, go, set the next target; after a trip reset, where it was
-//! told to recover. A *trip* is the daemon's leaving the states in which it steers, whoever is the cause.
+//! Method: looked at often, it does what the daemon's state asks for: arm, go, set the next target; after a
+//! trip reset, where it was told to recover. A *trip* is the daemon's leaving the states in which it steers,
+//! whoever is the cause.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -62,7 +64,8 @@ pub struct Steering<'a> {
 }
 
 impl<'a> Steering<'a> {
-    /// Joins the channels, waiting up to `wait` for the daemon. `recovers`: resets and arms again after a trip.
+    /// Joins the channels, waiting up to `wait` for the daemon. `recovers`: resets and arms again after a
+    /// trip.
     ///
     /// # Errors
     /// When there is no daemon.
