@@ -272,6 +272,9 @@ pub struct StatusMessage {
     pub last_minute: LoopTiming,
     /// Cycles that neither of the two counts because their records were lost on the way to the publisher.
     pub records_dropped: u64,
+    /// Allocations of the loop's thread within its cycles, beyond the transport's one a message sent; counted
+    /// from the second message on, since the first one forms the connection.
+    pub loop_allocations: u64,
     /// Margin of stability of the model's equilibrium: 1 at rest, 0 where the rod snaps through.
     pub stability_margin: f64,
     /// Entries of the direction arrays in use.

@@ -22,6 +22,8 @@ use super::runs::Runs;
 use super::shape::Shape;
 #[cfg(feature = "sim")]
 use super::sim_plant::SimPlant;
+#[cfg(feature = "sim")]
+use super::soak::Soak;
 use super::status::Status;
 use super::target::Target;
 use super::tune::Tune;
@@ -50,6 +52,8 @@ pub enum Command {
     SimPlant(SimPlant),
     #[cfg(feature = "sim")]
     Campaign(Campaign),
+    #[cfg(feature = "sim")]
+    Soak(Soak),
     Run(Run),
     Status(Status),
     Events(Events),
@@ -86,6 +90,8 @@ impl Command {
             Self::SimPlant(command) => command.run(),
             #[cfg(feature = "sim")]
             Self::Campaign(command) => command.run(),
+            #[cfg(feature = "sim")]
+            Self::Soak(command) => command.run(),
             Self::Run(command) => command.run(),
             Self::Status(command) => command.run(),
             Self::Events(command) => command.run(),

@@ -1,5 +1,7 @@
 //! Pictures of a run as PNG: the one module that knows the plotting library.
 
+mod timing;
+
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
@@ -9,6 +11,9 @@ use kuva::render::annotations::ReferenceLine;
 use kuva::render::figure::{Figure, FigureLegendPosition};
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
+
+#[cfg(feature = "sim")]
+pub use timing::{CycleBin, MinutePanel, cycle_histograms, minutes};
 
 /// Colours that stay apart in print and for colour-blind readers (Okabe, Ito 2008).
 const COLORS: [&str; 8] =

@@ -29,6 +29,8 @@ mod managed;
 mod operator;
 mod output;
 mod overlay;
+#[cfg(feature = "sim")]
+mod pair;
 mod plan;
 mod play;
 mod reach;
@@ -46,6 +48,8 @@ mod shipped;
 mod sim_faults;
 #[cfg(feature = "sim")]
 mod sim_plant;
+#[cfg(feature = "sim")]
+mod soak;
 mod status;
 mod target;
 mod tune;

@@ -63,7 +63,7 @@ impl FaultArgs {
 }
 
 /// Reads a plan for a simulated rig.
-fn load(path: &Path, description: &HardwareDescription) -> Result<FaultPlan, Problems> {
+pub fn load(path: &Path, description: &HardwareDescription) -> Result<FaultPlan, Problems> {
     let document = Document::load(path)?;
     let config: FaultPlanConfig = document.read()?;
     match config.build(description, Reach::Plant) {

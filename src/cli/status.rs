@@ -85,6 +85,8 @@ struct Answer {
     last_minute: Option<TimingSummary>,
     /// Cycles that neither of the two counts.
     records_dropped: u64,
+    /// Allocations of the loop's thread within its cycles, beyond the transport's.
+    alloc_in_cycle: u64,
     /// "off", "recording" or "failing".
     recorder: &'static str,
     /// What keeps the recorder from writing.
@@ -165,6 +167,7 @@ impl Answer {
             timing: TimingSummary::of_status(status),
             last_minute: TimingSummary::of_last_minute(status),
             records_dropped: status.records_dropped,
+            alloc_in_cycle: status.loop_allocations,
             recorder: recorder::name(status.recorder),
             recorder_error: (status.recorder_error != 0).then(|| system_error(status.recorder_error)),
             flights: status.flights,

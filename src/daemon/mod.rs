@@ -16,6 +16,7 @@
 //! | `passive` | what monitors would have done, in passive mode |
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
+//! | `allocation` | counts how often each thread allocates |
 //! | `phases` | where in a cycle its time goes |
 //! | `receipt` | how long it takes from poses to the driver, as the driver stamped it |
 //! | `threads` | the scheduling of every thread of a process, read back |
@@ -32,6 +33,7 @@
 //! | `step_response` | judges how the loop answered a step of its targets |
 //! | `run` | puts the threads together and takes them down |
 
+mod allocation;
 mod causes;
 mod clock;
 mod config;
@@ -66,6 +68,7 @@ mod trust;
 mod view;
 mod watch;
 
+pub use allocation::{CountingAllocator, allocations_of_thread, is_counting};
 pub use causes::{Response, holds_currents, is_monitor, response};
 pub use clock::{Clock, Pace, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, Mode, RealtimePolicy, SafeAction};
@@ -81,6 +84,6 @@ pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop}
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
 pub use statistics::{CycleTiming, MinuteStatistics, Statistics};
 pub use supervisor::{Decision, Supervisor};
-pub use timing_summary::{LatencySummary, PhaseSummary, TimingSummary};
+pub use timing_summary::{Bin, LatencySummary, PhaseSummary, TimingHistograms, TimingSummary};
 pub use trust::Astray;
 pub use watch::{DriverView, Found, Observation};

@@ -35,7 +35,7 @@ use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::Statistics;
 use super::telemetry::{Telemetry, TelemetryRings, log};
 use super::threads::threads_of;
-use super::timing_summary::TimingSummary;
+use super::timing_summary::{TimingHistograms, TimingSummary};
 use crate::control::Step;
 
 /// How often the caller's thread looks after the others.
@@ -108,6 +108,10 @@ pub struct RunReport {
     /// Timing of all cycles.
     #[serde(rename = "loop")]
     pub timing: TimingSummary,
+    /// The same cycles, bin by bin.
+    pub histograms: TimingHistograms,
+    /// Allocations of the loop's thread within its cycles, as [`LoopEnd::allocations`].
+    pub alloc_in_cycle: u64,
     /// What the kernel granted.
     pub realtime: RealtimeReport,
     /// What the loop's thread met while it cycled.
@@ -142,6 +146,8 @@ impl RunReport {
             ramp_down_from_a: end.ramp_down.map(|ramp| ramp.current_begin),
             ramp_down_to_a: end.ramp_down.map(|ramp| ramp.current_end),
             timing: end.timing,
+            histograms: end.histograms.clone(),
+            alloc_in_cycle: end.allocations,
             realtime,
             loop_thread: end.usage,
             records_dropped,

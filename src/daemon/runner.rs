@@ -10,6 +10,7 @@ use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::{Hardware, Stamp};
 use rtrb::{Consumer, Producer};
 
+use super::allocation::allocations_of_thread;
 use super::clock::{Clock, Pace};
 use super::control_loop::{ControlLoop, CycleRecord};
 use super::kernel::{self, ThreadUsage};
@@ -17,7 +18,7 @@ use super::monitors::MonitorReport;
 use super::phases::StopWatch;
 use super::state::{Answer, Request, Verb};
 use super::statistics::Statistics;
-use super::timing_summary::TimingSummary;
+use super::timing_summary::{TimingHistograms, TimingSummary};
 use crate::control::Step;
 
 /// Asks a running daemon to ramp down and end; may be set from any thread.
@@ -65,6 +66,8 @@ pub struct LoopCounters {
     pub records_dropped: AtomicU64,
     /// Answers that found their ring full.
     pub answers_dropped: AtomicU64,
+    /// See [`LoopEnd::allocations`].
+    pub allocations: AtomicU64,
 }
 
 /// A ramp to zero, from the cycle that began it to the one that saw zero measured.
@@ -83,6 +86,12 @@ pub struct RampDown {
 pub struct LoopEnd {
     /// Timing of all cycles.
     pub timing: TimingSummary,
+    /// The same cycles, bin by bin.
+    pub histograms: TimingHistograms,
+    /// Allocations of the loop's thread within its cycles, beyond the transport's one a message sent; counted
+    /// from the second message on, since the first one forms the connection. 0 in a program whose
+    /// allocator does not count.
+    pub allocations: u64,
     /// What the loop's thread met while it cycled.
     pub usage: ThreadUsage,
     /// Last ramp to zero, if there was one.
@@ -99,6 +108,28 @@ pub struct LoopEnd {
     pub monitors: MonitorReport,
     /// How often a monitor would have tripped in passive mode.
     pub would_trip_count: u64,
+}
+
+/// Counts what the loop's thread allocates in its cycles beyond what the transport does.
+#[derive(Debug, Default)]
+struct AllocationWatch {
+    before: u64,
+    connected: bool,
+}
+
+impl AllocationWatch {
+    fn begin(&mut self) {
+        self.before = allocations_of_thread();
+    }
+
+    /// Allocations of the cycle that ends, without those of the message that it sent.
+    fn end(&mut self, record: &CycleRecord) -> u64 {
+        let sent = record.order.is_some();
+        let met = (allocations_of_thread() - self.before).saturating_sub(u64::from(sent));
+        let counted = if self.connected { met } else { 0 };
+        self.connected |= sent;
+        counted
+    }
 }
 
 /// Measures ramps to zero from one cycle to the next.
@@ -138,11 +169,13 @@ pub fn run_loop<H: Hardware, S: Step>(
     stop: &StopFlag,
 ) -> LoopEnd {
     let mut ramps = RampWatch::default();
+    let mut allocations = AllocationWatch::default();
     let mut asked_to_end = false;
     let usage_before = kernel::thread_usage();
     let mut clock = Clock::start(pace);
     loop {
         let tick = clock.wait();
+        allocations.begin();
         if !asked_to_end && stop.requested().is_some() {
             asked_to_end = control_loop.request(Request { id: 0, verb: Verb::Terminate }).is_ok();
         } else if let Ok(request) = rings.requests.pop() {
@@ -155,11 +188,15 @@ pub fn run_loop<H: Hardware, S: Step>(
         statistics.record(&record.timing());
         ramps.take(&record);
         hand_on(&mut rings, &record, counters);
+        // Read by another thread, written by this one alone.
+        counters.allocations.fetch_add(allocations.end(&record), Ordering::Relaxed);
         if control_loop.has_ended(tick.now) {
             let feedback = record.feedback.unwrap_or_default();
             return LoopEnd {
                 usage: kernel::thread_usage().since(&usage_before),
                 timing: statistics.summary(),
+                histograms: statistics.histograms(),
+                allocations: counters.allocations.load(Ordering::Relaxed),
                 ramp_down: ramps.last,
                 state: record.decision.state,
                 cause: record.decision.cause,

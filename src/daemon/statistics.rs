@@ -15,7 +15,7 @@ use magsteer_hal::Stamp;
 
 use super::phases::PhaseTimes;
 use super::receipt::Receipt;
-use super::timing_summary::{LatencySummary, PhaseSummary, TimingSummary};
+use super::timing_summary::{Bin, LatencySummary, PhaseSummary, TimingHistograms, TimingSummary};
 
 /// Longest time that is told apart, 60 s in ns.
 const LONGEST_NS: u64 = 60_000_000_000;
@@ -160,6 +160,12 @@ impl Statistics {
             round_trip_us: summary(&self.round_trip),
         }
     }
+
+    /// Lateness and execution bin by bin. Allocates, and reads as many counters: not for the loop.
+    #[must_use]
+    pub fn histograms(&self) -> TimingHistograms {
+        TimingHistograms { lateness_us: bins(&self.lateness), execution_us: bins(&self.execution) }
+    }
 }
 
 /// The same minute by minute: what the last whole one came to. Minutes are counted from the first cycle on.
@@ -218,6 +224,22 @@ fn summary(histogram: &Histogram<u64>) -> LatencySummary {
     }
 }
 
+/// The counters gathered into bins of equal width on a logarithmic axis.
+fn bins(histogram: &Histogram<u64>) -> Vec<Bin> {
+    let mut bins: Vec<(i32, u64)> = Vec::new();
+    for counter in histogram.iter_recorded() {
+        // Times are nanoseconds, 1 at least; one on an edge belongs below it.
+        let time = counter.value_iterated_to().max(1) as f64;
+        let number = (TimingHistograms::PER_OCTAVE * time.log2()).ceil() as i32;
+        match bins.last_mut().filter(|last| last.0 == number) {
+            Some(last) => last.1 += counter.count_at_value(),
+            None => bins.push((number, counter.count_at_value())),
+        }
+    }
+    let edge = |number: i32| 1e-3 * (f64::from(number) / TimingHistograms::PER_OCTAVE).exp2();
+    bins.into_iter().map(|(number, cycles)| Bin { up_to_us: edge(number), cycles }).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
@@ -242,6 +264,20 @@ mod tests {
         }
         assert!(summary.lateness_us.max >= 10_000.0 && summary.lateness_us.max < 10_010.0);
         assert_eq!(summary.cycles, 10_000);
+    }
+
+    #[test]
+    fn bins_hold_every_cycle_below_an_edge_that_is_near() {
+        let mut statistics = Statistics::new(1_000.0);
+        let times = [0, 1, 7, 7, 800, 50_000];
+        times.into_iter().for_each(|microseconds| statistics.record(&cycle(microseconds)));
+        let bins = statistics.histograms().lateness_us;
+        assert_eq!(bins.iter().map(|bin| bin.cycles).collect::<Vec<_>>(), [1, 1, 2, 1, 1]);
+        for (bin, time) in bins.iter().zip([0.001, 1.0, 7.0, 800.0, 50_000.0]) {
+            // An eighth of an octave, and the histogram's three digits.
+            assert!(bin.up_to_us >= time && bin.up_to_us < 1.1 * time, "{bin:?} for {time}");
+        }
+        assert!(statistics.histograms().execution_us.iter().map(|bin| bin.cycles).sum::<u64>() == 6);
     }
 
     #[test]

@@ -122,7 +122,7 @@ impl Telemetry {
             self.take_requests(now);
             self.try_to_arm(now);
             if ended || now >= self.next_status {
-                self.publish(now, counters.records_dropped.load(Ordering::Relaxed));
+                self.publish(now, counters);
             }
             if ended {
                 break;
@@ -252,8 +252,10 @@ impl Telemetry {
         }
     }
 
-    fn publish(&mut self, now: Stamp, dropped: u64) {
-        if let Some(mut status) = self.view.message(dropped) {
+    fn publish(&mut self, now: Stamp, counters: &LoopCounters) {
+        let dropped = counters.records_dropped.load(Ordering::Relaxed);
+        let allocations = counters.allocations.load(Ordering::Relaxed);
+        if let Some(mut status) = self.view.message(dropped, allocations) {
             self.recorder.iter().for_each(|recorder| recorder.tell(&mut status));
             // A view that nobody could be shown is no fault of the loop.
             let _ = self.server.publish_status(status, now);

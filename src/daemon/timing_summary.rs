@@ -60,6 +60,29 @@ pub struct TimingSummary {
     pub round_trip_us: LatencySummary,
 }
 
+/// Cycles whose time lies between the former bin's edge and this one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Bin {
+    /// Upper edge.
+    pub up_to_us: f64,
+    /// How many.
+    pub cycles: u64,
+}
+
+/// Cycles by their times: eight bins an octave, upwards, the empty ones left out.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct TimingHistograms {
+    /// Lateness of each cycle.
+    pub lateness_us: Vec<Bin>,
+    /// Execution time of each cycle.
+    pub execution_us: Vec<Bin>,
+}
+
+impl TimingHistograms {
+    /// Bins an octave.
+    pub const PER_OCTAVE: f64 = 8.0;
+}
+
 impl From<LatencySummary> for Quantiles {
     fn from(LatencySummary { p50, p99, p999, p9999, max }: LatencySummary) -> Self {
         Self { p50_us: p50, p99_us: p99, p999_us: p999, p9999_us: p9999, max_us: max }

@@ -100,8 +100,8 @@ impl StatusView {
     }
 
     /// The message to publish now; `None` before the first cycle. `records_dropped`: cycles that never came
-    /// here.
-    pub fn message(&mut self, records_dropped: u64) -> Option<StatusMessage> {
+    /// here; `loop_allocations`: as the loop's thread counts them.
+    pub fn message(&mut self, records_dropped: u64, loop_allocations: u64) -> Option<StatusMessage> {
         let record = self.newest.as_ref()?;
         let lateness_max = std::mem::take(&mut self.lateness_max);
         let (decision, outcome) = (&record.decision, &record.outcome);
@@ -119,6 +119,7 @@ impl StatusView {
             timing: self.timing,
             last_minute: self.last_minute,
             records_dropped,
+            loop_allocations,
             stability_margin: outcome.model.margin,
             magnet_count: self.magnet_count,
             coil_count: self.coil_count,

@@ -92,6 +92,7 @@ fn layouts() -> String {
             timing,
             last_minute,
             records_dropped,
+            loop_allocations,
             stability_margin,
             magnet_count,
             coil_count,
@@ -145,7 +146,7 @@ mod tests {
             ("Quantiles", 5 * 8),
             ("PhaseQuantiles", 5 * 40),
             ("LoopTiming", 2 * 8 + 11 * 40),
-            ("StatusMessage", 48 + 8 + 9 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 4 * 192 + 2 * 320),
+            ("StatusMessage", 48 + 8 + 10 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 4 * 192 + 2 * 320),
         ];
         let text = layouts();
         for (name, size) in sizes {

@@ -128,7 +128,7 @@ impl Doctor {
 }
 
 /// Everything that files tell, without the channels.
-fn of_machine(machine: &Machine, daemon: Option<&DaemonConfig>) -> Vec<Finding> {
+pub fn of_machine(machine: &Machine, daemon: Option<&DaemonConfig>) -> Vec<Finding> {
     let mut findings = vec![
         kernel::preemption(machine),
         kernel::clock_source(machine),

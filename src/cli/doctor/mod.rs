@@ -26,3 +26,9 @@ mod services;
 mod wake_up;
 
 pub use command::Doctor;
+#[cfg(feature = "sim")]
+pub use command::of_machine;
+#[cfg(feature = "sim")]
+pub use machine::Machine;
+#[cfg(feature = "sim")]
+pub use {finding::Finding, processors::Stolen};
