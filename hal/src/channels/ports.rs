@@ -54,12 +54,16 @@ impl Message for StatusMessage {
 }
 
 /// When a port with a failed connection may be made anew: in series of growing pauses, since one that keeps failing is
-/// to a dead process whose place nobody cleared. The next failure after a quiet time starts a new series.
+/// to a dead process whose place nobody cleared. The next failure after a quiet time starts a new series; so does the
+/// quiet time itself while nothing passes the port, because the failure that ended a series may have been the other
+/// side's that everybody waits for.
 #[derive(Debug)]
 struct Repair {
     failed: Arc<AtomicBool>,
     attempts: u32,
     not_before: Stamp,
+    /// True from a failure that found a series at its end until something passes.
+    gave_up: bool,
 }
 
 impl Repair {
@@ -69,23 +73,32 @@ impl Repair {
     const QUIET: Duration = Duration::from_secs(5);
 
     fn new() -> Self {
-        Self { failed: Arc::new(AtomicBool::new(false)), attempts: 0, not_before: Stamp::default() }
+        let failed = Arc::new(AtomicBool::new(false));
+        Self { failed, attempts: 0, not_before: Stamp::default(), gave_up: false }
     }
 
     fn note_failure(&self) {
         self.failed.store(true, Ordering::Relaxed);
     }
 
+    /// A message came or went: whoever is to be reached is.
+    fn note_passage(&mut self) {
+        self.gave_up = false;
+    }
+
     /// True when the port is to be made anew now.
     fn is_due(&mut self, now: Stamp) -> bool {
-        if !self.failed.load(Ordering::Relaxed) || now < self.not_before {
+        let is_quiet = now.since(self.not_before) > Self::QUIET;
+        let failed = self.failed.load(Ordering::Relaxed);
+        if now < self.not_before || !(failed || self.gave_up && is_quiet) {
             return false;
         }
         self.failed.store(false, Ordering::Relaxed);
-        if now.since(self.not_before) > Self::QUIET {
+        if is_quiet {
             self.attempts = 0;
         }
-        if self.attempts >= Self::ATTEMPTS_MAX {
+        self.gave_up = self.attempts >= Self::ATTEMPTS_MAX;
+        if self.gave_up {
             return false;
         }
         self.not_before = now.after(Self::PAUSE_MIN * 2_u32.pow(self.attempts));
@@ -140,6 +153,7 @@ impl<T: Message> Inlet<T> {
                 Ok(Some(sample)) => {
                     let copy = *sample;
                     drop(sample);
+                    self.repair.note_passage();
                     take(&copy);
                 }
                 Ok(None) => return Ok(()),
@@ -198,10 +212,17 @@ impl<T: Message> Outlet<T> {
         let Some(publisher) = &self.publisher else {
             return Err(WriteError::Transport);
         };
-        publisher.send_copy(message).map(|_| ()).map_err(|_| {
-            self.repair.note_failure();
-            WriteError::Transport
-        })
+        match publisher.send_copy(message) {
+            Ok(0) => Ok(()),
+            Ok(_) => {
+                self.repair.note_passage();
+                Ok(())
+            }
+            Err(_) => {
+                self.repair.note_failure();
+                Err(WriteError::Transport)
+            }
+        }
     }
 }
 
@@ -293,11 +314,14 @@ mod tests {
         open().into_ports(&example_description()).expect("alone again");
     }
 
-    /// Milliseconds at which a port is made anew when every new one fails too.
-    fn repairs(repair: &mut Repair, from: u64, to: u64) -> Vec<u64> {
+    /// Milliseconds at which a port is made anew when every new one fails too, while messages pass or none do.
+    fn repairs(repair: &mut Repair, from: u64, to: u64, passing: bool) -> Vec<u64> {
         let at = |millisecond: u64| Stamp::from_nanoseconds(millisecond * 1_000_000);
         (from..to)
             .filter(|millisecond| {
+                if passing {
+                    repair.note_passage();
+                }
                 repair.is_due(at(*millisecond)) && {
                     repair.note_failure();
                     true
@@ -307,13 +331,30 @@ mod tests {
     }
 
     #[test]
-    fn port_that_keeps_failing_is_made_anew_in_series_that_end() {
+    fn port_that_keeps_failing_while_others_are_heard_is_made_anew_in_series_that_end() {
         let mut repair = Repair::new();
-        assert_eq!(repairs(&mut repair, 1000, 1100), [], "nothing failed");
+        assert_eq!(repairs(&mut repair, 1000, 1100, true), [], "nothing failed");
         repair.note_failure();
         let series = [20_000, 20_020, 20_060, 20_140, 20_300, 20_620, 21_260, 22_540];
-        assert_eq!(repairs(&mut repair, 20_000, 100_000), series);
+        assert_eq!(repairs(&mut repair, 20_000, 100_000, true), series);
         repair.note_failure();
-        assert_eq!(repairs(&mut repair, 100_000, 100_050), [100_000, 100_020], "a new series after quiet");
+        assert_eq!(
+            repairs(&mut repair, 100_000, 100_050, true),
+            [100_000, 100_020],
+            "a new series after quiet"
+        );
+    }
+
+    /// Goal: when the last failure of a series was the follower's of a killed process, it is reached all the same.
+    #[test]
+    fn port_that_nothing_passes_is_tried_again_after_quiet_until_something_does() {
+        let mut repair = Repair::new();
+        repair.note_failure();
+        let made = repairs(&mut repair, 20_000, 31_000, false);
+        assert_eq!(made[7..], [22_540, 30_101, 30_121, 30_161, 30_241, 30_401, 30_721]);
+        // The next one connects, and messages pass.
+        repair.note_passage();
+        repair.failed.store(false, std::sync::atomic::Ordering::Relaxed);
+        assert_eq!(repairs(&mut repair, 31_000, 100_000, true), []);
     }
 }
