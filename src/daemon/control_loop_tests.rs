@@ -13,7 +13,8 @@ use rand::{RngExt, SeedableRng};
 
 use super::clock::Tick;
 use super::config::tests::shipped;
-use super::control_loop::{ControlLoop, CycleRecord, LoopOptions};
+use super::control_loop::{ControlLoop, LoopOptions};
+use super::cycle_record::CycleRecord;
 use super::state::{Request, Verb};
 use crate::control::plan::Obstacle;
 use crate::control::{CycleInput, CycleOutcome, Directions, Step, Verdict};

@@ -7,9 +7,7 @@
 
 #![expect(unsafe_code, reason = "the C library's scheduling and signal calls have no safe wrapper here")]
 
-use std::fmt;
-use std::fs::File;
-use std::io::{self, Read, Seek, Write};
+use std::io;
 use std::num::NonZeroU64;
 use std::time::Duration;
 
@@ -17,15 +15,13 @@ use magsteer_hal::Stamp;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde::{Deserialize, Serialize};
 
-use super::threads::ThreadView;
+use super::realtime::{RealtimeItem, RealtimeReport};
 
 /// Stack touched in advance, so that no cycle meets a page fault there.
 const STACK_PREFAULT: usize = 256 * 1_024;
 /// Heap of the loop's thread touched in advance: the transport takes memory once a message, a few hundred
 /// bytes.
 const HEAP_PREFAULT: usize = 1 << 20;
-/// Where the kernel takes bounds on the time to wake; pm_qos_interface in its documentation.
-const IDLE_DEVICE: &str = "/dev/cpu_dma_latency";
 /// A page, at least.
 const PAGE: usize = 4_096;
 
@@ -51,51 +47,6 @@ pub struct RealtimeRequest {
     pub cpu: Option<u32>,
     /// True to lock the process's memory.
     pub lock_memory: bool,
-}
-
-/// One property: wanted, and read back.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RealtimeItem {
-    /// Which property.
-    pub name: String,
-    /// What was asked for.
-    pub wanted: String,
-    /// What the kernel says holds.
-    pub got: String,
-    /// True when both agree.
-    pub granted: bool,
-    /// Why not, when they differ; with what mends it.
-    pub why_not: Option<String>,
-}
-
-/// What holds for the thread that asked.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct RealtimeReport {
-    /// Every property that was asked for.
-    pub items: Vec<RealtimeItem>,
-    /// Every thread of the process as the kernel had it once all ran.
-    pub threads: Vec<ThreadView>,
-}
-
-impl RealtimeReport {
-    /// True when everything asked for holds.
-    #[must_use]
-    pub fn is_granted(&self) -> bool {
-        self.items.iter().all(|item| item.granted)
-    }
-}
-
-impl fmt::Display for RealtimeReport {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, item) in self.items.iter().enumerate() {
-            let separator = if index == 0 { "" } else { "; " };
-            write!(formatter, "{separator}{}: {}", item.name, item.got)?;
-            if let Some(why_not) = &item.why_not {
-                write!(formatter, " (wanted {}: {why_not})", item.wanted)?;
-            }
-        }
-        Ok(())
-    }
 }
 
 /// Asks for real time for the calling thread and reads back what holds. Call it in the loop's
@@ -135,7 +86,14 @@ pub fn request_ordinary(loop_cpu: Option<u32>) -> Vec<RealtimeItem> {
     let granted = policy == libc::SCHED_OTHER;
     let got = if granted { "ordinary scheduling".to_owned() } else { format!("policy {policy}") };
     let mend = "start the program under an ordinary policy: `chrt --other 0 magsteer run ...`";
-    let mut items = vec![item("scheduling", "ordinary scheduling".to_owned(), got, granted, set.err(), mend)];
+    let mut items = vec![RealtimeItem::new(
+        "scheduling",
+        "ordinary scheduling".to_owned(),
+        got,
+        granted,
+        set.err(),
+        mend,
+    )];
     items.extend(loop_cpu.and_then(|cpu| leave_cpu(cpu as usize)));
     items
 }
@@ -151,48 +109,12 @@ fn leave_cpu(cpu: usize) -> Option<RealtimeItem> {
     let held = sched_getaffinity(None).unwrap_or_default();
     let (wanted, got) = (format!("CPU {}", cpu_list(&wanted)), format!("CPU {}", cpu_list(&held)));
     let granted = wanted == got;
-    Some(item("affinity", wanted, got, granted, set.err(), "see `taskset` and cgroups"))
+    Some(RealtimeItem::new("affinity", wanted, got, granted, set.err(), "see `taskset` and cgroups"))
 }
 
 fn cpu_list(set: &CpuSet) -> String {
     let cpus = (0..CpuSet::MAX_CPU).filter(|&cpu| set.is_set(cpu)).map(|cpu| cpu.to_string());
     cpus.collect::<Vec<_>>().join(",")
-}
-
-/// A bound on how long any CPU may take to wake, for as long as this lives: the kernel then keeps idle CPUs
-/// out of states that take longer to leave.
-#[derive(Debug)]
-pub struct IdleBound {
-    _device: Option<File>,
-    /// What was asked for, and what holds.
-    pub item: RealtimeItem,
-}
-
-impl IdleBound {
-    /// Asks for a bound in microseconds and reads back the one in force, which is the least that anybody
-    /// asked for.
-    #[must_use]
-    pub fn hold(latency_us: u32) -> Self {
-        let (device, held) = match Self::ask(latency_us) {
-            Ok((device, held)) => (Some(device), Ok(held)),
-            Err(error) => (None, Err(error)),
-        };
-        let granted = held.as_ref().is_ok_and(|held| (0..=i64::from(latency_us)).contains(&i64::from(*held)));
-        let got = held.as_ref().map_or_else(|_| "left to the kernel".to_owned(), |held| format!("{held} us"));
-        let mend = format!("sudo chgrp $(id -gn) {IDLE_DEVICE} && sudo chmod g+rw {IDLE_DEVICE}");
-        let wanted = format!("{latency_us} us");
-        Self { _device: device, item: item("idle latency", wanted, got, granted, held.err(), &mend) }
-    }
-
-    fn ask(latency_us: u32) -> io::Result<(File, i32)> {
-        let mut device = File::options().read(true).write(true).open(IDLE_DEVICE)?;
-        let bound = i32::try_from(latency_us).unwrap_or(i32::MAX);
-        device.write_all(&bound.to_ne_bytes())?;
-        let mut held = [0; 4];
-        device.rewind()?;
-        device.read_exact(&mut held)?;
-        Ok((device, i32::from_ne_bytes(held)))
-    }
 }
 
 /// What a thread met so far that costs it time.
@@ -245,7 +167,7 @@ fn request_kept_heap() -> Option<RealtimeItem> {
     let kept =
         unsafe { libc::mallopt(libc::M_TRIM_THRESHOLD, -1) == 1 && libc::mallopt(libc::M_MMAP_MAX, 0) == 1 };
     let got = if kept { "kept" } else { "given back when freed" };
-    Some(item(
+    Some(RealtimeItem::new(
         "heap",
         "kept".to_owned(),
         got.to_owned(),
@@ -288,7 +210,7 @@ fn request_fifo(priority: u32) -> RealtimeItem {
     };
     let granted = policy == libc::SCHED_FIFO && Some(held) == i32::try_from(priority).ok();
     let mend = "grant CAP_SYS_NICE, or `rtprio` in /etc/security/limits.conf";
-    item("scheduling", format!("SCHED_FIFO {priority}"), got, granted, set.err(), mend)
+    RealtimeItem::new("scheduling", format!("SCHED_FIFO {priority}"), got, granted, set.err(), mend)
 }
 
 /// Policy and priority of the calling thread, as the kernel holds them.
@@ -314,7 +236,14 @@ fn request_cpu(cpu: u32) -> RealtimeItem {
     let held = sched_getaffinity(None).unwrap_or_default();
     let granted = held.count() == 1 && index < CpuSet::MAX_CPU && held.is_set(index);
     let mend = "name a CPU that this process may use, see `nproc` and cgroups";
-    item("affinity", format!("CPU {cpu}"), format!("CPU {}", cpu_list(&held)), granted, set.err(), mend)
+    RealtimeItem::new(
+        "affinity",
+        format!("CPU {cpu}"),
+        format!("CPU {}", cpu_list(&held)),
+        granted,
+        set.err(),
+        mend,
+    )
 }
 
 /// Locks all pages present. Later ones are left out: where the limit on locked memory is finite, locking them
@@ -323,7 +252,7 @@ fn request_memory_lock() -> RealtimeItem {
     let set = rustix::mm::mlockall(rustix::mm::MlockAllFlags::CURRENT).map_err(io::Error::from);
     let locked_kb = locked_memory_kb().unwrap_or(0);
     let mend = "grant CAP_IPC_LOCK, or `memlock` in /etc/security/limits.conf";
-    item(
+    RealtimeItem::new(
         "memory",
         "locked".to_owned(),
         format!("{locked_kb} kB locked"),
@@ -347,22 +276,14 @@ fn request_timer_slack() -> RealtimeItem {
     // Threads under a real-time policy have no slack at all; the kernel then reports 0.
     let granted = held.is_ok_and(|nanoseconds| nanoseconds <= 1);
     let got = held.map_or_else(|_| "unknown".to_owned(), |nanoseconds| format!("{nanoseconds} ns"));
-    item("timer slack", "1 ns".to_owned(), got, granted, set.err(), "needs a kernel with prctl(2)")
-}
-
-fn item(
-    name: &str,
-    wanted: String,
-    got: String,
-    granted: bool,
-    error: Option<io::Error>,
-    mend: &str,
-) -> RealtimeItem {
-    let why_not = (!granted).then(|| match error {
-        Some(error) => format!("{error}; {mend}"),
-        None => mend.to_owned(),
-    });
-    RealtimeItem { name: name.to_owned(), wanted, got, granted, why_not }
+    RealtimeItem::new(
+        "timer slack",
+        "1 ns".to_owned(),
+        got,
+        granted,
+        set.err(),
+        "needs a kernel with prctl(2)",
+    )
 }
 
 fn outcome(returned: i32) -> io::Result<()> {
@@ -426,7 +347,7 @@ mod tests {
 
     use magsteer_hal::Stamp;
 
-    use super::{IdleBound, RealtimeRequest, Signals, request_realtime, scheduling, sleep_until};
+    use super::{RealtimeRequest, Signals, request_realtime, scheduling, sleep_until};
 
     /// Goal: whatever the rights of the user who runs this test, the report agrees with the kernel.
     #[test]
@@ -447,15 +368,6 @@ mod tests {
         let report = thread.join().expect("the thread only asks");
         assert!(!report.is_granted());
         assert!(report.to_string().contains("wanted CPU 1023"), "{report}");
-    }
-
-    /// Goal: whatever the rights of the user who runs this test, the item says whether the bound holds.
-    #[test]
-    fn a_bound_on_idling_is_held_or_refused_with_what_mends_it() {
-        let bound = IdleBound::hold(10_000);
-        assert_eq!(bound.item.wanted, "10000 us");
-        assert_eq!(bound.item.granted, bound.item.why_not.is_none(), "{:?}", bound.item);
-        assert_eq!(bound.item.granted, bound.item.got != "left to the kernel", "{:?}", bound.item);
     }
 
     #[test]

@@ -19,7 +19,8 @@ use magsteer_hal::{Hardware, HardwareDescription, MAGNETS_MAX, PoseMessage, Stam
 
 use super::clock::Tick;
 use super::config::DaemonConfig;
-use super::control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
+use super::control_loop::{ControlLoop, LoopOptions, Occupied};
+use super::cycle_record::CycleRecord;
 use super::state::{Request, Verb};
 use super::step_response::{Judge, Observation, StepResponse};
 use crate::control::{ReferenceTarget, Step};

@@ -5,6 +5,7 @@
 //! | file | does |
 //! |---|---|
 //! | `control_loop` | one cycle: read, step, supervise, gate, write, record |
+//! | `cycle_record` | what is known of a cycle when it has ended |
 //! | `config` | the `[daemon]` table |
 //! | `state` | the states with their diagram, requests, answers |
 //! | `supervisor` | decides the state and what the cycle may send |
@@ -17,6 +18,7 @@
 //! | `clock` | absolute deadlines, missed periods |
 //! | `kernel` | the one file that asks the kernel for real time, and reads back what it granted |
 //! | `allocation` | counts how often each thread allocates |
+//! | `realtime`, `idle` | what was asked of it and what holds; how deep idle CPUs may sleep |
 //! | `phases` | where in a cycle its time goes |
 //! | `receipt` | how long it takes from poses to the driver, as the driver stamped it |
 //! | `threads` | the scheduling of every thread of a process, read back |
@@ -40,6 +42,8 @@ mod config;
 mod control_loop;
 #[cfg(test)]
 mod control_loop_tests;
+mod cycle_record;
+pub mod idle;
 mod journal;
 pub mod kernel;
 pub mod lockstep;
@@ -48,6 +52,7 @@ mod notify;
 mod overruns;
 mod passive;
 mod phases;
+pub mod realtime;
 mod receipt;
 pub mod recorder;
 mod run;
@@ -72,7 +77,8 @@ pub use allocation::{CountingAllocator, allocations_of_thread, is_counting};
 pub use causes::{Response, holds_currents, is_monitor, response};
 pub use clock::{Clock, Pace, Schedule, Tick};
 pub use config::{DaemonConfig, Limits, Mode, RealtimePolicy, SafeAction};
-pub use control_loop::{ControlLoop, CycleRecord, LoopOptions, Occupied};
+pub use control_loop::{ControlLoop, LoopOptions, Occupied};
+pub use cycle_record::CycleRecord;
 pub use monitors::{MonitorLimits, MonitorReport, Monitors, MonitorsConfig, Sample, SequenceCounts};
 pub use notify::Notify;
 pub use passive::Judgements;

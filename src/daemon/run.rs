@@ -24,12 +24,13 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{DaemonConfig, RealtimePolicy};
 use super::control_loop::{ControlLoop, LoopOptions};
+use super::idle::IdleBound;
 use super::kernel::{
-    IdleBound, RealtimeItem, RealtimeReport, RealtimeRequest, ThreadUsage, request_helper_realtime,
-    request_ordinary, request_realtime,
+    RealtimeRequest, ThreadUsage, request_helper_realtime, request_ordinary, request_realtime,
 };
 use super::monitors::MonitorReport;
 use super::notify::Notify;
+use super::realtime::{RealtimeItem, RealtimeReport};
 use super::recorder::{Recorder, RecorderPlan, RecorderState};
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::Statistics;

@@ -5,7 +5,7 @@
 use magsteer_hal::{HardwareDescription, PoseMessage};
 use sha2::{Digest, Sha256};
 
-use super::control_loop::CycleRecord;
+use super::cycle_record::CycleRecord;
 
 /// The digest of a run under way.
 #[derive(Debug, Clone)]

@@ -12,7 +12,8 @@ use rtrb::{Consumer, Producer};
 
 use super::allocation::allocations_of_thread;
 use super::clock::{Clock, Pace};
-use super::control_loop::{ControlLoop, CycleRecord};
+use super::control_loop::ControlLoop;
+use super::cycle_record::CycleRecord;
 use super::kernel::{self, ThreadUsage};
 use super::monitors::MonitorReport;
 use super::phases::StopWatch;

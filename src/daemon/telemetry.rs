@@ -15,7 +15,7 @@ use rtrb::{Consumer, Producer};
 use crate::control::ReferenceTarget;
 
 use super::config::DaemonConfig;
-use super::control_loop::CycleRecord;
+use super::cycle_record::CycleRecord;
 use super::journal::{Field, Priority, tell};
 use super::notify::Notify;
 use super::recorder::Recorder;

@@ -7,7 +7,7 @@ use magsteer_hal::message::Header;
 use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, recorder, state, verdict};
 use magsteer_hal::{HardwareDescription, Stamp};
 
-use super::control_loop::CycleRecord;
+use super::cycle_record::CycleRecord;
 use super::statistics::{MinuteStatistics, Statistics};
 use crate::control::Verdict;
 

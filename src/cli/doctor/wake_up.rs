@@ -6,7 +6,9 @@
 
 use std::time::Duration;
 
-use magsteer::daemon::kernel::{IdleBound, RealtimeReport, RealtimeRequest, request_realtime};
+use magsteer::daemon::idle::IdleBound;
+use magsteer::daemon::kernel::{RealtimeRequest, request_realtime};
+use magsteer::daemon::realtime::RealtimeReport;
 use magsteer::daemon::{Clock, CycleTiming, DaemonConfig, LatencySummary, Pace, Statistics};
 use magsteer_hal::Stamp;
 use serde::Serialize;

@@ -14,7 +14,7 @@ use super::header::Column;
 use super::refusal::absence;
 use crate::control::Verdict;
 use crate::control::plan::Obstacle;
-use crate::daemon::control_loop::CycleRecord;
+use crate::daemon::cycle_record::CycleRecord;
 
 /// A count that is not there.
 pub const NONE: u64 = u64::MAX;

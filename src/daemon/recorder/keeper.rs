@@ -17,7 +17,7 @@ use super::journal::{Entry, event};
 use super::ring::Ring;
 use super::trigger::{AFTER, Trigger, Trip};
 use super::wall::{rfc_3339, wall_time};
-use crate::daemon::control_loop::CycleRecord;
+use crate::daemon::cycle_record::CycleRecord;
 use crate::daemon::telemetry::log;
 
 /// One ring records while the other is written.

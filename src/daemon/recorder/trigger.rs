@@ -9,7 +9,7 @@ use magsteer_hal::Stamp;
 use magsteer_hal::operator::{Cause, state};
 
 use super::header::Reason;
-use crate::daemon::control_loop::CycleRecord;
+use crate::daemon::cycle_record::CycleRecord;
 
 /// How long a flight goes on after its trip.
 pub const AFTER: Duration = Duration::from_millis(500);

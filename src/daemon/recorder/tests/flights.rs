@@ -12,7 +12,7 @@ use super::super::header::Reason;
 use super::super::reading::{Ending, Flight, FlightError, FlightLabel};
 use super::super::{Extract, Header, refusal_text};
 use super::{Bench, RATE_HZ, flights, labels, rig};
-use crate::daemon::control_loop::CycleRecord;
+use crate::daemon::cycle_record::CycleRecord;
 use crate::daemon::state::Verb;
 
 /// One trip, its flight read back, and the cycles as they were.

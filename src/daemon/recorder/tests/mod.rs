@@ -15,7 +15,7 @@ use super::files::Folder;
 use super::{FlightLabel, Recorder, RecorderPlan};
 use crate::control::{CycleInput, CycleOutcome, Step};
 use crate::daemon::config::tests::shipped;
-use crate::daemon::control_loop::CycleRecord;
+use crate::daemon::cycle_record::CycleRecord;
 use crate::daemon::lockstep::Lockstep;
 use crate::daemon::state::Verb;
 
