@@ -91,6 +91,14 @@ mod tests {
         found
     }
 
+    #[test]
+    fn angles_are_exact_from_nothing_to_a_half_turn() {
+        for angle in [0.0_f64, 1e-9, 0.3, 1.5, 3.0, std::f64::consts::PI] {
+            let found = angle_between(&Vector3::x(), &Vector3::new(angle.cos(), 0.0, angle.sin()));
+            assert!((found - angle).abs() < 1e-15 * (1.0 + angle), "{found} instead of {angle}");
+        }
+    }
+
     /// Goal: the complement is orthonormal and right-handed everywhere.
     #[test]
     fn complement_is_orthonormal_and_right_handed() {

@@ -5,9 +5,10 @@
 
 use magsteer_hal::operator::Cause;
 use magsteer_hal::{HardwareDescription, MagnetPose, PoseMessage};
+use nalgebra::Vector3;
 
-use super::super::trust::angle_between;
 use super::config::MonitorLimits;
+use crate::math::angle_between;
 
 /// Memory of the poses seen last.
 #[derive(Debug, Clone)]
@@ -54,12 +55,12 @@ fn is_too_fast(
     let (turn, shift) =
         (limits.pose_jump + limits.pose_rate * elapsed, limits.pose_shift + limits.pose_speed * elapsed);
     let within = |(before, now): (&MagnetPose, &MagnetPose)| {
-        angle_between(&before.tangent(), &now.tangent()) <= turn
+        angle_between(&before.tangent().into(), &now.tangent().into()) <= turn
             && distance(&before.position_m, &now.position_m) <= shift
     };
     !last.magnets.iter().zip(magnets).all(within)
 }
 
 fn distance(one: &[f64; 3], other: &[f64; 3]) -> f64 {
-    one.iter().zip(other).map(|(one, other)| (one - other).powi(2)).sum::<f64>().sqrt()
+    (Vector3::from(*one) - Vector3::from(*other)).norm()
 }

@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use magsteer_hal::{MAGNETS_MAX, Stamp};
 
-use super::super::trust::angle_between;
 use super::super::watch::lasted;
 use super::bank::Sample;
 use super::config::MonitorLimits;
 use super::evidence::Evidence;
 use crate::control::{Directions, Verdict};
+use crate::math::angle_between;
 
 /// Share of the distance that counts as nearer.
 const NEARER: f64 = 0.9;
@@ -67,7 +67,9 @@ impl Progress {
         let free = matches!(verdict, Verdict::Clear { .. } | Verdict::Unchecked) && sample.saturated == 0;
         let error = (0..MAGNETS_MAX)
             .filter(|magnet| sample.target[*magnet] != [0.0; 3])
-            .map(|magnet| angle_between(&sample.seen_by_controller[magnet], &sample.target[magnet]))
+            .map(|magnet| {
+                angle_between(&sample.seen_by_controller[magnet].into(), &sample.target[magnet].into())
+            })
             .fold(0.0, f64::max);
         if !sample.engaged || !free || error <= limits.progress_error || sample.target != self.target {
             self.nearest = None;
