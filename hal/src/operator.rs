@@ -151,7 +151,7 @@ pub mod verdict {
 /// One request of an operator.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_operator_request_v2")]
+#[type_name("magsteer_operator_request_v3")]
 pub struct OperatorRequest {
     /// One of [`verb`].
     pub verb: u32,
@@ -161,8 +161,9 @@ pub struct OperatorRequest {
     pub direction: [[f64; 3]; MAGNETS_MAX],
     /// Entries of `angle_rad` in use: as many as the rig has frames, or none to leave the frames to the daemon.
     pub pose_parameter_count: u32,
-    /// Reserved, zero.
-    pub reserved: u32,
+    /// For [`verb::SET_TARGET`], how long the target may be steered to without a newer one: the daemon holds when the time is
+    /// over. 0 for a target that stays until the next one.
+    pub valid_ms: u32,
     /// Where each frame shall stand when the magnets have arrived.
     pub angle_rad: [f64; POSE_PARAMETERS_MAX],
 }

@@ -22,6 +22,8 @@
 //! Rules: nothing resumes by itself after a stop; a trip is latched before anyone is told; a worse cause
 //! replaces a milder one within an episode, never the other way round.
 
+use std::time::Duration;
+
 use magsteer_hal::Stamp;
 use magsteer_hal::operator::{Cause, state};
 
@@ -119,6 +121,8 @@ pub enum Verb {
     EmergencyStop,
     /// Steer towards these tangents, with the frames at these angles if any are given.
     SetTarget(ReferenceTarget),
+    /// As `SetTarget`, one of a stream: without a newer one within this time the loop holds.
+    StreamTarget(ReferenceTarget, Duration),
 }
 
 /// A verb with the number under which it is answered.

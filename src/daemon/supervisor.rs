@@ -78,6 +78,8 @@ pub struct Supervisor {
     /// Until when a release is repeated.
     release_until: Stamp,
     target_rules: TargetRules,
+    /// Until when the newest of a stream of targets is valid; `None` where the target is not one of a stream.
+    stream_until: Option<Stamp>,
     realtime_missing: bool,
     ending: bool,
     safe_action: SafeAction,
@@ -92,6 +94,7 @@ impl Supervisor {
             state: State::Boot,
             watch: Watch::new(config, rig),
             target_rules: TargetRules::new(rig),
+            stream_until: None,
             cause: None,
             verdict: Verdict::Unchecked,
             epoch: 0,
@@ -135,15 +138,15 @@ impl Supervisor {
         let given_up = self.give_up(seen);
         match request {
             Some(Request { id, verb: Verb::SetTarget(asked) }) => {
-                target = self.target_rules.usable(&asked);
-                answers.push(id, target.is_none().then_some(Cause::TargetInvalid));
-                if target.is_some() {
-                    self.set_out(seen);
-                }
+                target = self.set_target(id, &asked, None, seen, &mut answers);
+            }
+            Some(Request { id, verb: Verb::StreamTarget(asked, valid) }) => {
+                target = self.set_target(id, &asked, Some(seen.now.after(valid)), seen, &mut answers);
             }
             Some(request) => self.take(request, seen, &mut answers),
             None => {}
         }
+        self.end_stream(seen.now);
         self.progress(seen, &mut answers);
         self.forget_authority(seen);
         let decision = self.decision(&before, seen, &answers);
@@ -172,6 +175,39 @@ impl Supervisor {
             self.enter_holding(by_operator, false, true);
         }
         given_up
+    }
+
+    /// Takes a target, one of a stream when it is valid for a while only; `None` when it cannot be used.
+    fn set_target(
+        &mut self,
+        id: u32,
+        asked: &ReferenceTarget,
+        stream_until: Option<Stamp>,
+        seen: &Observation,
+        answers: &mut Answers,
+    ) -> Option<ReferenceTarget> {
+        let target = self.target_rules.usable(asked);
+        answers.push(id, target.is_none().then_some(Cause::TargetInvalid));
+        if target.is_some() {
+            self.stream_until = stream_until;
+            self.set_out(seen);
+        }
+        target
+    }
+
+    /// Holds once the newest target of a stream is no longer valid.
+    fn end_stream(&mut self, now: Stamp) {
+        if self.stream_until.is_none_or(|until| now <= until) {
+            return;
+        }
+        self.stream_until = None;
+        let (sensing_lost, near_snap) = match self.state {
+            State::Active => (false, false),
+            State::Holding { by_operator: false, sensing_lost, near_snap } => (sensing_lost, near_snap),
+            _ => return,
+        };
+        self.cause = self.cause.or(Some(Cause::StreamEnded));
+        self.enter_holding(true, sensing_lost, near_snap);
     }
 
     /// A target was set: what held the one before is over.

@@ -292,7 +292,11 @@ fn parse(request: &OperatorRequest, rig: Counts) -> Result<Verb, Cause> {
         verb::STOP => Ok(Verb::Stop),
         verb::RESET => Ok(Verb::Reset),
         verb::ESTOP => Ok(Verb::EmergencyStop),
-        verb::SET_TARGET => target(request, rig).map(Verb::SetTarget),
+        verb::SET_TARGET if request.valid_ms == 0 => target(request, rig).map(Verb::SetTarget),
+        verb::SET_TARGET => {
+            let valid = Duration::from_millis(u64::from(request.valid_ms));
+            target(request, rig).map(|target| Verb::StreamTarget(target, valid))
+        }
         _ => Err(Cause::UnknownVerb),
     }
 }
@@ -348,6 +352,8 @@ fn priority(to: u32, cause: Option<Cause>) -> Priority {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use magsteer_hal::operator::{Cause, OperatorRequest, verb};
 
     use super::{Counts, Priority, ReferenceTarget, Verb, parse, priority, state};
@@ -384,6 +390,9 @@ mod tests {
         assert_eq!(parse(&turning(3)), Err(Cause::TargetInvalid));
         let turned = ReferenceTarget { directions: [[0.0; 3]; 8], frame_angles: Some([0.5; 8]) };
         assert_eq!(parse(&turning(2)), Ok(Verb::SetTarget(turned)));
+        let streamed = OperatorRequest { valid_ms: 200, ..request(verb::SET_TARGET, 2) };
+        let expected = Verb::StreamTarget([[0.0; 3]; 8].into(), Duration::from_millis(200));
+        assert_eq!(parse(&streamed), Ok(expected));
         assert_eq!(parse(&request(verb::GO, 0)), Ok(Verb::Go));
     }
 }

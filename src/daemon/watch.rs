@@ -357,6 +357,7 @@ impl Watch {
             | Cause::TargetOutsideField
             | Cause::NearSnapThrough
             | Cause::OperatorStop
+            | Cause::StreamEnded
             | Cause::Terminated => false,
         }
     }

@@ -55,7 +55,7 @@ fn layouts() -> String {
     );
     layout!(
         text,
-        OperatorRequest { verb, magnet_count, direction, pose_parameter_count, reserved, angle_rad }
+        OperatorRequest { verb, magnet_count, direction, pose_parameter_count, valid_ms, angle_rad }
     );
     layout!(text, OperatorAnswer { accepted, cause, state, reserved, epoch });
     layout!(text, FaultRequest { action, target, part, index, verb, kind, lasts_ns, time_ns, value });

@@ -61,6 +61,8 @@ causes! {
     TargetOutsideField = 10, "on the way to the target a magnet would leave the field model's range";
     /// The margin of stability fell below what is allowed: the currents are kept until another target is set.
     NearSnapThrough = 11, "held close to a snap-through until another target is set";
+    /// No newer target came while the last of a stream was valid: the magnets are held where the reference was.
+    StreamEnded = 12, "held because the stream of targets ended";
     /// Records are asked for, and this daemon keeps none, or has none yet.
     NotRecording = 20, "this daemon has no records to write";
 

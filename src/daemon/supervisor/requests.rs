@@ -27,7 +27,7 @@ impl Supervisor {
                 Ok(())
             }
             // Taken before, whatever the state.
-            Verb::SetTarget(_) => return,
+            Verb::SetTarget(_) | Verb::StreamTarget(..) => return,
         };
         answers.push(request.id, verdict.err());
     }
@@ -67,12 +67,13 @@ impl Supervisor {
             State::Active => Ok(()),
             // Another target is needed.
             State::Holding { near_snap: true, .. } => Err(Cause::NearSnapThrough),
-            State::Holding { sensing_lost: false, .. } => {
-                self.enter_active();
-                Ok(())
-            }
-            State::Holding { sensing_lost: true, .. } => {
-                self.enter_holding(false, true, false);
+            State::Holding { sensing_lost, .. } => {
+                self.cause = self.cause.filter(|cause| *cause != Cause::StreamEnded);
+                if sensing_lost {
+                    self.enter_holding(false, true, false);
+                } else {
+                    self.enter_active();
+                }
                 Ok(())
             }
             State::SafeStop { cause, .. } | State::Fault { cause } => Err(cause),

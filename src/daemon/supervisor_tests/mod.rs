@@ -6,4 +6,5 @@ mod limits;
 mod random;
 mod safe;
 mod stability;
+mod stream;
 mod table;

@@ -1,5 +1,7 @@
 //! Random sequences of events against what must never happen.
 
+use std::time::Duration;
+
 use magsteer_hal::Actuation;
 use magsteer_hal::operator::state;
 use rand::{RngExt, SeedableRng};
@@ -95,6 +97,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
         Verb::Reset,
         Verb::Reset,
         Verb::SetTarget([[1.0, 0.0, 0.0]; 8].into()),
+        Verb::StreamTarget([[1.0, 0.0, 0.0]; 8].into(), Duration::from_millis(30)),
         Verb::EmergencyStop,
     ];
     let last = if toss(random, 0.1) { verbs.len() } else { verbs.len() - 1 };

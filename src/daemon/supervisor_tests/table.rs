@@ -1,5 +1,7 @@
 //! Where each event leads from each state.
 
+use std::time::Duration;
+
 use magsteer_hal::message::driver_state;
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::{MagnetPose, PoseMessage};
@@ -162,7 +164,7 @@ fn every_event_in_every_state_leads_where_the_table_says() {
         WritesFail,
     };
     let target = [[0.0, 0.0, 1.0]; 8];
-    let table: [(Event, &str, Option<Cause>); 36] = [
+    let table: [(Event, &str, Option<Cause>); 37] = [
         //                              biachsf
         (Ask(Verb::Arm), "baachsf", None),
         (Ask(Verb::Go), "bicccsf", None),
@@ -172,6 +174,7 @@ fn every_event_in_every_state_leads_where_the_table_says() {
         (Ask(Verb::Reset), "biachsi", None),
         (Ask(Verb::EmergencyStop), "fffffff", Some(Cause::EmergencyStop)),
         (Ask(Verb::SetTarget(target.into())), "biachsf", None),
+        (Ask(Verb::StreamTarget(target.into(), Duration::from_millis(200))), "biahhsf", None),
         (PosesStop, "biaffsf", Some(Cause::PoseStale)),
         (ModelFails, "biaffsf", Some(Cause::ModelNotConverged)),
         (FieldInvalid, "biaffsf", Some(Cause::FieldModelInvalid)),
