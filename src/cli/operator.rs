@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use magsteer::control::ReferenceTarget;
+use magsteer_hal::HardwareDescription;
 use magsteer_hal::channels::{ClientError, OperatorClient};
-use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, cause, state};
+use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, cause, state, verb};
 use serde::Serialize;
 
 use super::exit::{Exit, Failure};
@@ -58,6 +60,19 @@ impl RequestArgs {
 /// Finds the daemon of a rig.
 pub fn connect(rig: &RigArgs, file: Option<&Path>) -> anyhow::Result<OperatorClient> {
     OperatorClient::open(&rig.endpoint(file)?, DAEMON_WAIT).map_err(channel_failure)
+}
+
+/// The request for a target, which stays until the next one.
+pub fn target_request(target: &ReferenceTarget, rig: &HardwareDescription) -> OperatorRequest {
+    let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
+    OperatorRequest {
+        verb: verb::SET_TARGET,
+        magnet_count: count(rig.magnets().count()),
+        direction: target.directions,
+        pose_parameter_count: count(target.frame_angles.map_or(0, |_| rig.frames.len())),
+        angle_rad: target.frame_angles.unwrap_or_default(),
+        ..OperatorRequest::default()
+    }
 }
 
 /// Sends `request` and prints the answer.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use magsteer::config::Config;
+use magsteer::config::{Config, Document};
 use magsteer_hal::channels::{ChannelError, Endpoint};
 
 use super::exit::{Exit, Failure};
@@ -40,7 +40,14 @@ pub struct RigArgs {
 impl RigArgs {
     /// The configuration, from `file` where a command takes one as an argument.
     pub fn load(&self, file: Option<&Path>) -> anyhow::Result<Config> {
-        Ok(Config::from_document(&shipped::config(file.or(self.config.as_deref()))?)?)
+        Ok(self.document(file)?.1)
+    }
+
+    /// The same, with the document that it was read from.
+    pub fn document(&self, file: Option<&Path>) -> anyhow::Result<(Document, Config)> {
+        let document = shipped::config(file.or(self.config.as_deref()))?;
+        let config = Config::from_document(&document)?;
+        Ok((document, config))
     }
 
     /// The channels; reads no file when the rig is named.

@@ -35,7 +35,7 @@ pub struct Experiment {
 }
 
 /// One of `[[steps]]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExperimentStep {
     /// Angle of magnets by name, deg, -360 to 360.
@@ -49,6 +49,17 @@ pub struct ExperimentStep {
     pub frames_deg: BTreeMap<String, f64>,
     /// Time until the next step, s, > 0.
     pub duration_s: f64,
+    /// What ends the step before that; nothing when left out. Campaigns and soaks see every step to its duration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until: Option<Until>,
+}
+
+/// What ends a step before its time is over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Until {
+    /// Every magnet has settled at its target.
+    Settled,
 }
 
 impl Experiment {
@@ -112,7 +123,8 @@ impl Experiment {
 }
 
 impl ExperimentStep {
-    fn check(&self, key: &str, rig: &HardwareDescription, checks: &mut Checks) {
+    /// Adds every value out of its range, and every magnet and frame that is missing or unknown, keyed from `key`.
+    pub fn check(&self, key: &str, rig: &HardwareDescription, checks: &mut Checks) {
         let holds = self.duration_s.is_finite() && self.duration_s > 0.0 && self.duration_s <= DURATION_MAX_S;
         let expected = format!("> 0 and at most {DURATION_MAX_S}");
         checks.require(holds, format!("{key}.duration_s"), self.duration_s, expected);
@@ -194,6 +206,7 @@ mod tests {
                 target_direction: BTreeMap::new(),
                 frames_deg: BTreeMap::new(),
                 duration_s: 4.0,
+                until: None,
             }],
         }
     }

@@ -23,11 +23,13 @@ mod node_reader;
 mod placement;
 mod problem;
 mod root;
+mod script;
 mod stand_in;
 mod tree;
 
 pub use campaign::{CampaignConfig, Distribution, Draw, Normal, Uniform, run_seed};
 pub use document::{Document, Number, Resolved};
-pub use experiment::{Experiment, ExperimentStep};
+pub use experiment::{Experiment, ExperimentStep, Until};
 pub use problem::{Problem, ProblemKind, Problems};
 pub use root::{Config, TABLES};
+pub use script::experiment_of_csv;

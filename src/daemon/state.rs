@@ -102,7 +102,6 @@ impl State {
 }
 
 /// What an operator asks of the loop.
-#[expect(clippy::large_enum_variant, reason = "made once a request; a box would be freed in the cycle")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Verb {
     /// Take authority at zero current.

@@ -100,10 +100,16 @@ impl Judge {
         }
     }
 
+    /// True once every magnet stays at its target for [`SETTLED_FOR`].
+    #[must_use]
+    pub fn has_settled(&self) -> bool {
+        let end = self.times.back().copied().unwrap_or_default();
+        self.settled_since.is_some_and(|settled| end - settled >= SETTLED_FOR)
+    }
+
     /// How the step went, were it to end now.
     #[must_use]
     pub fn verdict(&self) -> StepResponse {
-        let end = self.times.back().copied().unwrap_or_default();
         let count = self.times.len() as f64;
         let magnets = 0..self.target.len();
         let mean = |magnet: usize| {
@@ -117,7 +123,7 @@ impl Judge {
         };
         StepResponse {
             target_deg: self.target.iter().map(degrees_from_z).collect(),
-            settled_s: self.settled_since.filter(|settled| end - settled >= SETTLED_FOR),
+            settled_s: self.settled_since.filter(|_| self.has_settled()),
             error_mean_deg: magnets.clone().map(mean).collect(),
             error_rms_deg: magnets.map(rms).collect(),
             current_max_a: self.current_max,

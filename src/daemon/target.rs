@@ -1,4 +1,4 @@
-//! Targets as people write them, `m1=70deg`, and tangents as people read them.
+//! Targets as people write them, `m1=70deg` or `m1=0.9,0,0.4`, and tangents as people read them.
 //!
 //! The angle of a target turns the world's z axis about a given axis; about y, as in the paper's planar experiment, 90 deg
 //! points along x. The angle shown for a tangent is that from z, 0 to 180 deg, the paper's phi.
@@ -9,20 +9,29 @@ use nalgebra::{Rotation3, Unit, Vector3};
 
 use crate::control::Directions;
 
-/// One magnet's target, as `m1=70deg` or `m1=1.2rad`.
+/// One magnet's target, as `m1=70deg`, `m1=1.2rad` or `m1=0.9,0,0.4`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct AngleTarget {
+pub struct MagnetTarget {
     /// Name of the magnet.
     pub magnet: String,
+    /// Where it shall point.
+    pub aim: Aim,
+}
+
+/// Where a magnet shall point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Aim {
     /// Angle from z about the axis of the targets, rad.
-    pub angle: f64,
+    Angle(f64),
+    /// Unit tangent, world.
+    Direction([f64; 3]),
 }
 
 /// A target that cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TargetError {
-    /// Not `NAME=NUMBERdeg` nor `NAME=NUMBERrad`.
-    #[error("target {text:?}: must be NAME=ANGLE with its unit, as m1=70deg or m1=1.2rad")]
+    /// Not `NAME=NUMBERdeg`, `NAME=NUMBERrad` nor `NAME=X,Y,Z`.
+    #[error("target {text:?}: must be NAME=ANGLE with its unit, as m1=70deg or m1=1.2rad, or NAME=X,Y,Z")]
     Form {
         /// What was written.
         text: String,
@@ -30,6 +39,12 @@ pub enum TargetError {
     /// An angle that is not finite or beyond a turn.
     #[error("target {text:?}: must lie between -360deg and 360deg")]
     Angle {
+        /// What was written.
+        text: String,
+    },
+    /// A direction that is not finite or has no length.
+    #[error("target {text:?}: must be a direction, finite and not zero")]
+    Direction {
         /// What was written.
         text: String,
     },
@@ -55,23 +70,31 @@ pub enum TargetError {
     },
 }
 
-impl FromStr for AngleTarget {
+impl FromStr for MagnetTarget {
     type Err = TargetError;
 
     fn from_str(text: &str) -> Result<Self, TargetError> {
         let form = || TargetError::Form { text: text.to_owned() };
-        let (magnet, angle) = text.split_once('=').ok_or_else(form)?;
-        let in_degrees = angle.strip_suffix("deg").map(|number| (number, 1.0_f64.to_radians()));
-        let (number, unit) = in_degrees.or(angle.strip_suffix("rad").map(|it| (it, 1.0))).ok_or_else(form)?;
-        let angle = number.trim().parse::<f64>().map_err(|_| form())? * unit;
+        let (magnet, aim) = text.split_once('=').ok_or_else(form)?;
+        if magnet.is_empty() {
+            return Err(form());
+        }
+        let magnet = magnet.to_owned();
+        let number = |text: &str| text.trim().parse::<f64>().map_err(|_| form());
+        if let [x, y, z] = aim.split(',').collect::<Vec<_>>()[..] {
+            let direction = Vector3::new(number(x)?, number(y)?, number(z)?);
+            let unit = direction.try_normalize(1e-9).filter(|unit| unit.iter().all(|it| it.is_finite()));
+            let unit = unit.ok_or(TargetError::Direction { text: text.to_owned() })?;
+            return Ok(Self { magnet, aim: Aim::Direction(unit.into()) });
+        }
+        let in_degrees = aim.strip_suffix("deg").map(|number| (number, 1.0_f64.to_radians()));
+        let (written, unit) = in_degrees.or(aim.strip_suffix("rad").map(|it| (it, 1.0))).ok_or_else(form)?;
+        let angle = number(written)? * unit;
         // One part in 10^12 for the rounding of 360 deg.
         if !angle.is_finite() || angle.abs() > std::f64::consts::TAU * (1.0 + 1e-12) {
             return Err(TargetError::Angle { text: text.to_owned() });
         }
-        if magnet.is_empty() {
-            return Err(form());
-        }
-        Ok(Self { magnet: magnet.to_owned(), angle })
+        Ok(Self { magnet, aim: Aim::Angle(angle) })
     }
 }
 
@@ -81,7 +104,7 @@ impl FromStr for AngleTarget {
 /// # Errors
 /// A magnet that the rig does not have or that is named twice; an axis without direction.
 pub fn directions(
-    targets: &[AngleTarget],
+    targets: &[MagnetTarget],
     axis: [f64; 3],
     magnets: &[&str],
     present: &Directions,
@@ -96,8 +119,10 @@ pub fn directions(
         }
         let magnet = magnets.iter().position(|magnet| magnet == name);
         let unknown = || TargetError::UnknownMagnet { name: name.clone(), names: magnets.join(", ") };
-        let turn = Rotation3::from_axis_angle(&turned, target.angle);
-        directions[magnet.ok_or_else(unknown)?] = (turn * Vector3::z()).into();
+        directions[magnet.ok_or_else(unknown)?] = match target.aim {
+            Aim::Angle(angle) => (Rotation3::from_axis_angle(&turned, angle) * Vector3::z()).into(),
+            Aim::Direction(direction) => direction,
+        };
     }
     Ok(directions)
 }
@@ -113,10 +138,10 @@ pub fn angle_from_z_deg(direction: &[f64; 3]) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{AngleTarget, TargetError, angle_from_z_deg, directions};
+    use super::{MagnetTarget, TargetError, angle_from_z_deg, directions};
     use crate::control::Directions;
 
-    fn parsed(texts: &[&str]) -> Vec<AngleTarget> {
+    fn parsed(texts: &[&str]) -> Vec<MagnetTarget> {
         texts.iter().map(|text| text.parse().expect("well formed")).collect()
     }
 
@@ -133,6 +158,17 @@ mod tests {
     }
 
     #[test]
+    fn a_direction_is_made_unit_and_needs_no_axis() {
+        let set = directions(&parsed(&["m1=0,3,4"]), [0.0, 1.0, 0.0], &["m1", "m2"], &Directions::default());
+        assert_eq!(set.expect("valid")[0], [0.0, 0.6, 0.8]);
+        for text in ["m1=0,0,0", "m1=nan,0,1", "m1=inf,0,1"] {
+            let refused = text.parse::<MagnetTarget>();
+            assert!(matches!(refused, Err(TargetError::Direction { .. })), "{text}: {refused:?}");
+        }
+        assert!(matches!("m1=1,2".parse::<MagnetTarget>(), Err(TargetError::Form { .. })));
+    }
+
+    #[test]
     fn a_magnet_without_a_target_keeps_its_direction() {
         let mut present = Directions::default();
         present[0] = [0.6, 0.0, 0.8];
@@ -145,11 +181,11 @@ mod tests {
     #[test]
     fn what_is_wrong_with_a_target_is_said() {
         for text in ["m1", "m1=70", "=70deg", "m1=deg", "m1=x deg", "m1=70 grad"] {
-            let refused = text.parse::<AngleTarget>();
+            let refused = text.parse::<MagnetTarget>();
             assert!(matches!(refused, Err(TargetError::Form { .. })), "{text}: {refused:?}");
         }
         for text in ["m1=361deg", "m1=7rad", "m1=nandeg", "m1=infdeg"] {
-            let refused = text.parse::<AngleTarget>();
+            let refused = text.parse::<MagnetTarget>();
             assert!(matches!(refused, Err(TargetError::Angle { .. })), "{text}: {refused:?}");
         }
         let y = [0.0, 1.0, 0.0];

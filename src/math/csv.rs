@@ -149,6 +149,12 @@ impl CsvRow<'_> {
         if value.is_finite() { Ok(value) } else { Err(refuse("a finite number")) }
     }
 
+    /// The text in a column.
+    #[must_use]
+    pub fn text(&self, column: usize) -> &str {
+        self.cells[column]
+    }
+
     /// True when there is nothing in a column.
     #[must_use]
     pub fn is_empty(&self, column: usize) -> bool {

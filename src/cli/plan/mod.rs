@@ -13,5 +13,6 @@ mod way;
 
 pub use choice::half_angle;
 pub use command::Plan;
+pub use frames::NamedAngles;
 pub use search::{Search, in_threads};
 pub use subject::Subject;

@@ -4,6 +4,7 @@
 //! is judged by; `live_line` shows it on the way, and `report` afterwards.
 
 mod live_line;
+#[cfg(feature = "sim")]
 mod readiness;
 mod report;
 mod session;

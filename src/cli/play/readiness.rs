@@ -4,9 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use magsteer_hal::Stamp;
-#[cfg(feature = "sim")]
-use magsteer_hal::operator::{OperatorRequest, verb};
-use magsteer_hal::operator::{StatusMessage, state};
+use magsteer_hal::operator::{OperatorRequest, StatusMessage, state, verb};
 
 use super::session::{POLL, Session, describe};
 use crate::cli::exit::{Exit, Failure};
@@ -16,7 +14,6 @@ impl Session {
     ///
     /// # Errors
     /// When the daemon does not answer, or refuses: the message carries its reason.
-    #[cfg(feature = "sim")]
     pub fn request(&mut self, verb: u32, name: &str) -> anyhow::Result<()> {
         self.send(OperatorRequest { verb, ..OperatorRequest::default() }, name)
     }
@@ -25,7 +22,6 @@ impl Session {
     ///
     /// # Errors
     /// The last refusal.
-    #[cfg(feature = "sim")]
     pub fn arm(&mut self, wait: Duration) -> anyhow::Result<()> {
         let deadline = Instant::now() + wait;
         loop {
@@ -34,15 +30,6 @@ impl Session {
                 outcome => return outcome,
             }
         }
-    }
-
-    /// Waits for a status of any state.
-    ///
-    /// # Errors
-    /// When none comes within `wait`.
-    pub fn wait_for_status(&mut self, wait: Duration) -> anyhow::Result<StatusMessage> {
-        use state::{ACTIVE, ARMED, BOOT, FAULT, HOLDING, IDLE, SAFE_STOP};
-        self.wait_for(&[BOOT, IDLE, ARMED, ACTIVE, HOLDING, SAFE_STOP, FAULT], wait)
     }
 
     /// Waits until the daemon is in one of `states`.

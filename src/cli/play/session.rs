@@ -3,19 +3,19 @@
 use std::time::Duration;
 
 use anyhow::anyhow;
-use magsteer::config::Experiment;
+use magsteer::config::{Experiment, ExperimentStep, Until};
 use magsteer::control::Directions;
-use magsteer::daemon::step_response::{StepResponse, judge};
+use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
-use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verb, verdict};
+use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verdict};
 use magsteer_hal::{Actuation, Stamp};
 
 use super::live_line::{LiveLine, live};
 use super::watched::Watched;
 use crate::cli::exit::{Exit, Failure};
-use crate::cli::operator::ANSWER_WAIT;
+use crate::cli::operator::{ANSWER_WAIT, target_request};
 
 /// How often the channels are looked at.
 pub(super) const POLL: Duration = Duration::from_millis(5);
@@ -115,19 +115,9 @@ impl Session {
         for (index, step) in experiment.steps.iter().enumerate() {
             let asked = experiment.target(step, rig);
             let (target, magnets) = (asked.directions, rig.magnets().count());
-            let frames = asked.frame_angles.map_or(0, |_| rig.frames.len());
-            let request = OperatorRequest {
-                verb: verb::SET_TARGET,
-                magnet_count: u32::try_from(magnets)?,
-                direction: target,
-                pose_parameter_count: u32::try_from(frames)?,
-                angle_rad: asked.frame_angles.unwrap_or_default(),
-                ..OperatorRequest::default()
-            };
-            self.send(request, "target")?;
+            self.send(target_request(&asked, rig), "target")?;
             let label = format!("step {}/{}", index + 1, experiment.steps.len());
-            let duration = Duration::from_secs_f64(step.duration_s);
-            let Some(response) = self.play_step(&label, &target[..magnets], duration, stop)? else {
+            let Some(response) = self.play_step(&label, &target[..magnets], step, stop)? else {
                 break;
             };
             let end_s = Stamp::now().since(self.begin).as_secs_f64();
@@ -142,14 +132,18 @@ impl Session {
         &mut self,
         label: &str,
         target: &[[f64; 3]],
-        duration: Duration,
+        step: &ExperimentStep,
         stop: &StopFlag,
     ) -> anyhow::Result<Option<StepResponse>> {
         let mut line = LiveLine::new();
         let begin = Stamp::now();
-        let mut watched = Watched::new(begin);
+        let duration = Duration::from_secs_f64(step.duration_s);
+        let mut watched = Watched::new(begin, target);
         self.discard_truth();
         while Stamp::now().since(begin) < duration {
+            if step.until == Some(Until::Settled) && watched.judge.has_settled() {
+                break;
+            }
             if stop.requested().is_some() {
                 return Ok(None);
             }
@@ -186,7 +180,7 @@ impl Session {
         };
         line.draw(|| live(label, begin, target, &end, watched.lateness_max_us), Duration::ZERO);
         line.end();
-        Ok(Some(judge(target, &watched.observations)))
+        Ok(Some(watched.judge.verdict()))
     }
 
     /// Takes over what arrived: statuses for pictures, and what the step is judged by.

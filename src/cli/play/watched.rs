@@ -1,7 +1,7 @@
 //! What is seen of a step while it is played.
 
 use magsteer::control::Directions;
-use magsteer::daemon::step_response::Observation;
+use magsteer::daemon::step_response::{Judge, Observation};
 use magsteer_hal::Stamp;
 use magsteer_hal::message::PoseMessage;
 use magsteer_hal::operator::StatusMessage;
@@ -12,12 +12,13 @@ pub(super) struct Watched {
     pub(super) newest: Option<StatusMessage>,
     current: f64,
     pub(super) lateness_max_us: f64,
-    pub(super) observations: Vec<Observation>,
+    pub(super) judge: Judge,
 }
 
 impl Watched {
-    pub(super) fn new(begin: Stamp) -> Self {
-        Self { begin, newest: None, current: 0.0, lateness_max_us: 0.0, observations: Vec::new() }
+    /// A step towards `target` that begins now.
+    pub(super) fn new(begin: Stamp, target: &[[f64; 3]]) -> Self {
+        Self { begin, newest: None, current: 0.0, lateness_max_us: 0.0, judge: Judge::new(target) }
     }
 
     pub(super) fn take(&mut self, status: &StatusMessage, by_truth: bool) {
@@ -43,6 +44,6 @@ impl Watched {
 
     fn observe(&mut self, stamp: Stamp, tangent: Directions) {
         let time = stamp.since(self.begin).as_secs_f64();
-        self.observations.push(Observation { time, tangent, current: self.current });
+        self.judge.take(&Observation { time, tangent, current: self.current });
     }
 }

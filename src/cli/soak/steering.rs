@@ -16,7 +16,7 @@ use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state
 use magsteer_hal::{HardwareDescription, Stamp};
 
 use crate::cli::exit::{Exit, Failure};
-use crate::cli::operator::ANSWER_WAIT;
+use crate::cli::operator::{ANSWER_WAIT, target_request};
 use crate::cli::output;
 
 /// How long the daemon may say nothing before it counts as gone.
@@ -263,16 +263,7 @@ impl<'a> Steering<'a> {
     fn set_target(&mut self) -> bool {
         let step = &self.experiment.steps[self.index];
         let asked = self.experiment.target(step, self.rig);
-        let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
-        let request = OperatorRequest {
-            verb: verb::SET_TARGET,
-            magnet_count: count(self.rig.magnets().count()),
-            direction: asked.directions,
-            pose_parameter_count: count(asked.frame_angles.map_or(0, |_| self.rig.frames.len())),
-            angle_rad: asked.frame_angles.unwrap_or_default(),
-            ..OperatorRequest::default()
-        };
-        let answer = self.client.send(request, ANSWER_WAIT);
+        let answer = self.client.send(target_request(&asked, self.rig), ANSWER_WAIT);
         if let Some(answer) = answer.as_ref().ok().filter(|answer| answer.accepted != 1) {
             output::note(format_args!(
                 "step {}: target refused: {}",

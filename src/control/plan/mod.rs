@@ -22,6 +22,7 @@
 mod config;
 mod expected_power;
 mod planner;
+mod rehearsal;
 mod route;
 mod search;
 mod targets;
@@ -31,6 +32,7 @@ mod walker;
 pub use config::PlanConfig;
 pub use expected_power::ExpectedPower;
 pub use planner::{Plan, Planner, Standing, Unreached};
+pub use rehearsal::{Rehearsal, Rehearsed};
 pub use targets::{Targets, draw_direction, draw_targets, parse_targets, target_columns};
 pub use walk::{Advance, Bounds, Obstacle, Posture, Walk, Walked, Waypoint};
 pub use walker::Walker;

@@ -1,0 +1,12 @@
+//! `magsteer target`: where the magnets are to point.
+//!
+//! `set` names one target, `play` a script of them, `stream` takes them from another program as they come, `joystick` from a hand.
+//! `dry_run` walks targets in the model before anything moves.
+
+mod command;
+mod dry_run;
+mod play;
+mod set;
+mod stream;
+
+pub use command::{Target, await_status};

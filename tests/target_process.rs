@@ -1,0 +1,118 @@
+//! `magsteer target` as a user meets it: dry runs, waiting until settled, scripts, streams.
+//!
+//! No test judges how long anything took; waits are bounded only so that a failure ends.
+
+mod process_support;
+
+use std::io::Write;
+use std::process::{Command, Output, Stdio};
+
+use magsteer_hal::operator::{Cause, state, verb};
+use process_support::World;
+use serde_json::Value;
+
+fn target(world: &World, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
+    command.arg("target").args(arguments).arg("--config").arg(&world.file);
+    command.arg("--root").arg(world.root.path());
+    command
+}
+
+fn answer(output: &Output) -> Value {
+    let text = String::from_utf8_lossy(&output.stdout);
+    serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text:?}"))
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn output(mut command: Command) -> Output {
+    command.output().expect("the program is built")
+}
+
+#[test]
+fn dry_runs_need_no_daemon_and_name_the_step_that_the_rod_does_not_survive() {
+    let world = World::new();
+    let found = output(target(
+        &world,
+        &["set", "m1=70deg", "m2=0.94,0,-0.34", "--axis", "0,1,0", "--dry-run", "--json"],
+    ));
+    assert_eq!(found.status.code(), Some(0), "{}", said(&found));
+    let run = answer(&found);
+    assert_eq!((&run["ok"], &run["begins_at"]), (&true.into(), &"rest".into()), "{run}");
+    let step = &run["steps"][0];
+    assert_eq!(step["verdict"], "reached", "{run}");
+    assert!(step["error_deg"].as_f64().is_some_and(|error| error < 1.0), "{run}");
+    assert!(step["current_max_a"].as_f64().is_some_and(|current| current > 0.5 && current < 8.0), "{run}");
+    assert!(step["stability_margin"].as_f64().is_some_and(|margin| margin > 0.1 && margin < 1.0), "{run}");
+
+    let script = world.root.path().join("steps.csv");
+    std::fs::write(&script, "duration_s,m1_deg,m2_deg\n1,90,90\n1,10,170\n1,90,90\n").expect("own directory");
+    let script = script.to_str().expect("UTF-8");
+    let found = output(target(&world, &["play", script, "--dry-run", "--json"]));
+    assert_eq!(found.status.code(), Some(1), "{}", said(&found));
+    let run = answer(&found);
+    let verdicts: Vec<&str> =
+        run["steps"].as_array().expect("steps").iter().filter_map(|step| step["verdict"].as_str()).collect();
+    assert_eq!(verdicts, ["reached", "near-snap-through", "not-looked-at"], "{run}");
+    assert!(run["steps"][1]["share"].as_f64().is_some_and(|share| share > 0.0 && share < 1.0), "{run}");
+
+    let found = output(target(&world, &["set", "m1=70deg"]));
+    assert_eq!(found.status.code(), Some(69), "without a daemon nothing is set: {}", said(&found));
+}
+
+#[test]
+fn scripts_and_streams_steer_a_running_rig_and_bad_ones_move_nothing() {
+    let world = World::new();
+    let (_plant, _daemon) = (world.plant(), world.daemon());
+    let mut operator = world.operator();
+    operator.steer();
+
+    let settled = output(target(&world, &["set", "m1=80deg", "m2=95deg", "--wait", "settled", "--json"]));
+    assert_eq!(settled.status.code(), Some(0), "{}", said(&settled));
+    assert_eq!(answer(&settled)["all_settled"], true);
+
+    // Refused before anything moves: in the model, and because of what stands in the file.
+    let before = operator.until(|_| true).target_direction;
+    let script = world.root.path().join("steps.csv");
+    let script_name = script.to_str().expect("UTF-8");
+    for (text, code, told) in [
+        ("duration_s,m1_deg,m2_deg\n1,85,90\n1,10,170\n", 1, "nothing was moved"),
+        ("duration_s,m1_deg,m2_deg\n1,85,90\n1,85,370\n", 65, "steps.csv:3: target_deg.m2: 370"),
+    ] {
+        std::fs::write(&script, text).expect("own directory");
+        let refused = output(target(&world, &["play", script_name]));
+        assert_eq!(refused.status.code(), Some(code), "{}", said(&refused));
+        assert!(said(&refused).contains(told), "{}", said(&refused));
+    }
+    assert_eq!(operator.until(|_| true).target_direction, before);
+
+    // A step that ends when it has settled, long before its time.
+    std::fs::write(&script, "duration_s,m1_deg,m2_deg,until\n3000,90,90,settled\n3000,80,95,settled\n")
+        .expect("own directory");
+    let played = output(target(&world, &["play", script_name, "--json"]));
+    assert_eq!(played.status.code(), Some(0), "{}", said(&played));
+    assert_eq!(answer(&played)["steps"].as_array().map(Vec::len), Some(2));
+
+    let mut child = target(&world, &["stream", "--json"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program is built");
+    let mut input = child.stdin.take().expect("piped");
+    for angle in 80..90 {
+        writeln!(input, "{{\"target_deg\": {{\"m1\": {angle}}}}}").expect("it reads");
+    }
+    drop(input);
+    let streamed = child.wait_with_output().expect("it ends with its input");
+    assert_eq!(streamed.status.code(), Some(0), "{}", said(&streamed));
+    let tally = answer(&streamed);
+    let count = |key: &str| tally[key].as_u64().expect("a count");
+    assert_eq!((count("lines"), count("sent") + count("skipped")), (10, 10), "{tally}");
+    let held = operator.until_state(state::HOLDING);
+    assert_eq!(held.cause, Cause::StreamEnded.code());
+    assert_eq!(operator.ask(verb::GO), Some(0), "an operator goes on");
+    operator.until_state(state::ACTIVE);
+}
