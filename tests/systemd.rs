@@ -15,6 +15,7 @@ use std::sync::mpsc::{self, Receiver};
 
 use magsteer::config::Config;
 use magsteer_hal::operator::Cause;
+use magsteer_sim_plant::PlantConfig;
 use process_support::{PATIENCE, Process, World};
 use rustix::process::Signal;
 
@@ -137,7 +138,7 @@ fn value<'a>(unit: &'a str, key: &str) -> &'a str {
 
 #[test]
 fn units_agree_with_the_program_and_the_shipped_configuration() {
-    let (_, config) = Config::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml"))
+    let (document, config) = Config::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml"))
         .expect("shipped");
     let shipped = config.daemon.expect("shipped with a daemon");
     for (name, unit) in units() {
@@ -155,6 +156,10 @@ fn units_agree_with_the_program_and_the_shipped_configuration() {
         assert_eq!(value(&daemon, key), value(&plant, key), "both sides must meet: {key}");
     }
     assert!(value(&daemon, "LimitRTPRIO").parse::<u32>().is_ok_and(|most| most >= shipped.priority));
+    let simulated = document.section::<PlantConfig>("plant").expect("shipped").real_time;
+    assert!(value(&plant, "LimitRTPRIO").parse::<u32>().is_ok_and(|most| most >= simulated.priority));
+    assert!(simulated.priority < shipped.priority, "the daemon comes first");
+    assert_eq!(value(&plant, "RestrictRealtime"), "no");
     assert_eq!((value(&daemon, "LimitMEMLOCK"), value(&daemon, "RestrictRealtime")), ("infinity", "no"));
     // A ramp may take as long as a configuration can state.
     let stop_s: f64 = value(&daemon, "TimeoutStopSec").parse().expect("seconds");

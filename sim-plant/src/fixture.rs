@@ -119,7 +119,7 @@ pub fn plant_tables() -> Value {
                 "noise_per_m": 0.5, "offset_per_m": 0.3, "measures_twist": true
             }}
         },
-        "real_time": {"wake_us": 1000, "catch_up_max_ms": 50, "truth_period_ms": 5}
+        "real_time": {"wake_us": 1000, "catch_up_max_ms": 50, "truth_period_ms": 5, "priority": 0}
     })
 }
 

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use clap::Args;
 use magsteer::config::{Config, Problems};
 use magsteer::daemon::StopFlag;
+use magsteer::daemon::kernel::{RealtimeRequest, request_realtime};
 use magsteer_sim_plant::actuation::{Fault, fault_code};
 use magsteer_sim_plant::{PlantConfig, process};
 use serde::{Deserialize, Serialize};
@@ -118,7 +119,10 @@ impl SimPlant {
             ));
             let (real_time, wakes) = (&settings.real_time, AtomicU64::new(0));
             anyhow::Ok(managed(&stop, &wakes, "running", || {
-                telling(|tell| process::run(&mut plant, real_time, &mut end, &ended, &wakes, tell))
+                telling(|tell| {
+                    ask_for_real_time(real_time.priority);
+                    process::run(&mut plant, real_time, &mut end, &ended, &wakes, tell)
+                })
             }))
         })??;
         let report = PlantReport::of(&summary);
@@ -130,6 +134,17 @@ impl SimPlant {
             output::result(report.text())?;
         }
         Ok(if report.ended_currentless { exit_of(&stop) } else { Exit::No })
+    }
+}
+
+/// Asks for real time for the calling thread, and says when it is not to be had.
+fn ask_for_real_time(priority: u32) {
+    if priority == 0 {
+        return;
+    }
+    let report = request_realtime(&RealtimeRequest { priority, cpu: None, lock_memory: false });
+    if !report.is_granted() {
+        output::note(format_args!("the simulated rig runs without all of real time: {report}"));
     }
 }
 

@@ -16,6 +16,9 @@ pub struct RealTimeConfig {
     pub catch_up_max_ms: u64,
     /// Period of true poses published for observers, ms, 1 to 1000.
     pub truth_period_ms: u64,
+    /// Priority under `SCHED_FIFO`, asked for where the process may have it: 1 to 99, below the daemon's; 0 for ordinary
+    /// scheduling.
+    pub priority: u32,
 }
 
 impl RealTimeConfig {
@@ -24,5 +27,6 @@ impl RealTimeConfig {
         whole(checks, &format!("{key}.wake_us"), self.wake_us, step_us.max(100), 20_000);
         whole(checks, &format!("{key}.catch_up_max_ms"), self.catch_up_max_ms, 1, 1000);
         whole(checks, &format!("{key}.truth_period_ms"), self.truth_period_ms, 1, 1000);
+        whole(checks, &format!("{key}.priority"), u64::from(self.priority), 0, 99);
     }
 }
