@@ -138,8 +138,9 @@ fn value<'a>(unit: &'a str, key: &str) -> &'a str {
 
 #[test]
 fn units_agree_with_the_program_and_the_shipped_configuration() {
-    let (document, config) = Config::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml"))
-        .expect("shipped");
+    let (document, config) =
+        Config::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml"))
+            .expect("shipped");
     let shipped = config.daemon.expect("shipped with a daemon");
     for (name, unit) in units() {
         assert_eq!(value(&unit, "Type"), "notify", "{name}");
