@@ -8,6 +8,8 @@ use magsteer_hal::Stamp;
 use magsteer_hal::channels::OperatorClient;
 use magsteer_hal::operator::StatusMessage;
 
+#[cfg(feature = "joystick")]
+use super::joystick::Joystick;
 use super::play::Play;
 use super::set::Set;
 use super::stream::Stream;
@@ -28,6 +30,8 @@ enum Action {
     Set(Set),
     Play(Play),
     Stream(Stream),
+    #[cfg(feature = "joystick")]
+    Joystick(Joystick),
 }
 
 impl Target {
@@ -36,6 +40,8 @@ impl Target {
             Action::Set(set) => set.run(),
             Action::Play(play) => play.run(),
             Action::Stream(stream) => stream.run(),
+            #[cfg(feature = "joystick")]
+            Action::Joystick(joystick) => joystick.run(),
         }
     }
 }

@@ -5,6 +5,10 @@
 
 mod command;
 mod dry_run;
+#[cfg(feature = "joystick")]
+mod hand;
+#[cfg(feature = "joystick")]
+mod joystick;
 mod play;
 mod set;
 mod stream;
