@@ -68,6 +68,8 @@ impl Run {
             driver_wait,
             arm: self.arm,
             recorder: self.recorder(&document, &daemon)?,
+            companion: None,
+            config_digest: 0,
         };
         let stop = Arc::new(StopFlag::new());
         let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;
