@@ -42,16 +42,14 @@ impl RecordFeed {
         }
     }
 
-    /// Publishes what has waited long enough. `dropped`: cycles that never came here.
-    pub(super) fn look(
-        &mut self,
-        dropped: u64,
-        realtime_missing: bool,
-        server: &mut OperatorServer,
-        now: Stamp,
-    ) {
+    /// Notes how many cycles never came here, and whether real time is missing.
+    pub(super) fn note(&mut self, dropped: u64, realtime_missing: bool) {
         self.batch.dropped = dropped;
         self.batch.realtime_missing = realtime_missing.into();
+    }
+
+    /// Publishes what has waited long enough.
+    pub(super) fn look(&mut self, server: &mut OperatorServer, now: Stamp) {
         if self.batch.count > 0 && now.since(self.since) >= AGE_MAX {
             self.publish(server, now);
         }

@@ -137,9 +137,9 @@ impl Telemetry {
             let now = Stamp::now();
             let dropped = counters.records_dropped.load(Ordering::Relaxed);
             self.recorder.iter_mut().for_each(|recorder| recorder.set_dropped(dropped));
+            self.feed.note(dropped, counters.realtime_missing.load(Ordering::Relaxed));
             self.take_records(now);
-            let missing = counters.realtime_missing.load(Ordering::Relaxed);
-            self.feed.look(dropped, missing, &mut self.server, now);
+            self.feed.look(&mut self.server, now);
             self.look_after_companion(now);
             self.tell_manager(now, stop);
             self.take_answers();
