@@ -101,7 +101,10 @@ fn a_recording_cut_anywhere_is_recovered_up_to_the_last_flush() {
                 assert_eq!(recovered.bytes_read + recovered.bytes_lost, length as u64);
                 assert!(!recovered.was_whole && recovered.damaged == 0);
                 let Ok(recording) = Recording::open(&mended) else {
-                    assert_eq!(flushed, 0, "cut at {length}: nothing was flushed, so its head may be missing");
+                    assert_eq!(
+                        flushed, 0,
+                        "cut at {length}: nothing was flushed, so its head may be missing"
+                    );
                     continue;
                 };
                 let found = read(&mended);

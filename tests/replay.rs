@@ -7,13 +7,13 @@ mod rig_support;
 use std::path::Path;
 
 use magsteer::daemon::cycle_message;
-use magsteer::recording::{
-    Recording, RecordingWriter, ReplayError, ReplayReport, recorded_document, replay,
-};
+use magsteer::recording::{Recording, RecordingWriter, ReplayError, ReplayReport, recorded_document, replay};
 use recording_support::{Subject, complete, planar};
 
 /// Faults that hold, that stop and that are refused, one after another.
 const FAULTS: &str = "
+    description = 'a hold, a refusal and a trip'
+
     [[faults]]
     at_s = 0.9
     target = 'poses'
@@ -79,14 +79,15 @@ fn a_changed_gain_is_reported_as_the_first_differing_cycle() {
     let recording = record(&subject, &folder.path().join("run.mcap"), None, |_| true);
     assert_eq!(equal(&replay(&recording, None).expect("complete")), 2_300);
     let mut document = recorded_document(&recording).expect("a configuration");
-    let gain = document.number("control.proportional_per_s").expect("a gain");
-    assert!(document.set_number("control.proportional_per_s", gain.with_value(1.01 * gain.value())));
+    let gain = document.number("control.disturbance.tracking_per_s").expect("a gain");
+    assert!(document.set_number("control.disturbance.tracking_per_s", gain.with_value(1.01 * gain.value())));
     let report = replay(&recording, Some(&document)).expect("complete");
     let difference = report.difference.expect("another gain steers otherwise");
     assert_eq!(difference.cycle, report.equal);
     assert!(difference.fields[0].decides && difference.fields[0].field.starts_with("command"));
     assert_ne!(difference.fields[0].recorded, difference.fields[0].replayed);
-    let steering = recording.cycles().expect("whole").filter_map(Result::ok).find(|cycle| cycle.directive == 4);
+    let steering =
+        recording.cycles().expect("whole").filter_map(Result::ok).find(|cycle| cycle.directive == 4);
     let first = steering.expect("it steered").number;
     assert!((first..first + 20).contains(&difference.cycle), "{} after {first}", difference.cycle);
 }

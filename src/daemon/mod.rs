@@ -99,4 +99,4 @@ pub use supervisor::{Decision, Supervisor};
 pub use timing_summary::{Bin, LatencySummary, PhaseSummary, TimingHistograms, TimingSummary};
 pub use trust::Astray;
 pub use watch::{DriverView, Found, Observation};
-pub use wire::{cycle_message, taken_request};
+pub use wire::{config_digest, cycle_message, taken_request};

@@ -104,6 +104,12 @@ pub fn taken_request(message: &RequestMessage) -> Option<Request> {
     Some(Request { id: message.id, verb })
 }
 
+/// Digest of a configuration, as batches carry it, from its SHA-256 in hexadecimal.
+#[must_use]
+pub fn config_digest(sha256: &str) -> u64 {
+    sha256.get(..16).and_then(|head| u64::from_str_radix(head, 16).ok()).unwrap_or(0)
+}
+
 fn request_message(request: &Request) -> RequestMessage {
     let plain = |verb| RequestMessage { verb, id: request.id, target: TargetMessage::default() };
     match &request.verb {

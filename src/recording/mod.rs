@@ -72,9 +72,7 @@ pub use error::RecordingError;
 pub use export::{export_csv, export_npz};
 pub use info::Info;
 pub use reader::{Counts, Cycles, Event, MetadataMap, Recording, follows};
-pub use recorder::{
-    RECORDING, RecordReport, RecorderError, RecordingPlan, Why, config_digest, record, recording_in,
-};
+pub use recorder::{RECORDING, RecordReport, RecorderError, RecordingPlan, Why, record, recording_in};
 pub use recover::{Recovered, recover};
 pub use replay::{Difference, FieldDifference, ReplayError, ReplayReport, recorded_document, replay};
 pub use topics::level;

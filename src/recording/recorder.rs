@@ -102,12 +102,6 @@ pub struct RecordReport {
     pub error: Option<String>,
 }
 
-/// Digest of a configuration, as batches carry it, from its SHA-256 in hexadecimal.
-#[must_use]
-pub fn config_digest(sha256: &str) -> u64 {
-    sha256.get(..16).and_then(|head| u64::from_str_radix(head, 16).ok()).unwrap_or(0)
-}
-
 /// Records the rig's daemon until its loop ends or `stop` is requested. `attached` is called when nothing that
 /// is published from now on is missed.
 ///
