@@ -99,6 +99,8 @@ impl Daemon {
                 driver_wait: PATIENCE,
                 arm,
                 recorder: None,
+                companion: None,
+                config_digest: 0,
             };
             run(&plan, || controller, &stop_inside)
         });

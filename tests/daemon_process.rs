@@ -97,7 +97,7 @@ struct Daemon(Option<Child>);
 impl Daemon {
     fn start(world: &World, arguments: &[&str]) -> Self {
         let mut command = world.command(&["run", world.file.to_str().expect("plain"), "--json"]);
-        command.arg("--record").arg(world.root.path().join("recordings"));
+        command.arg("--flights").arg(world.root.path().join("recordings"));
         let command = command.args(arguments).stdin(Stdio::piped());
         let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
         Self(Some(child.expect("the program is built")))

@@ -166,7 +166,7 @@ fn a_daemon_that_cannot_write_anywhere_steers_and_warns() {
     fs::write(&in_the_way, "").expect("own directory");
     let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
     command.args(["run", text(&world.file), "--wait-s", "30", "--root", text(world.root.path())]);
-    command.arg("--record").arg(in_the_way.join("below")).arg("--end-with-stdin");
+    command.arg("--flights").arg(in_the_way.join("below")).arg("--end-with-stdin");
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut daemon = command.spawn().expect("the program is built");
     // Broken pipes from its first word on.

@@ -22,6 +22,7 @@ mod limits;
 pub mod message;
 pub mod operator;
 pub mod receive;
+pub mod record;
 pub mod scripted;
 mod seeded;
 pub mod send;

@@ -17,6 +17,10 @@ use super::operator::RequestArgs;
 use super::output;
 use super::plan::Plan;
 use super::reach::Reach;
+#[cfg(feature = "record")]
+use super::record::Record;
+#[cfg(feature = "record")]
+use super::replay::Replay;
 use super::run::Run;
 use super::runs::Runs;
 use super::shape::Shape;
@@ -55,9 +59,13 @@ pub enum Command {
     #[cfg(feature = "sim")]
     Soak(Soak),
     Run(Run),
+    #[cfg(feature = "record")]
+    Record(Record),
     Status(Status),
     Events(Events),
     Runs(Runs),
+    #[cfg(feature = "record")]
+    Replay(Replay),
     Target(Target),
     /// Take authority over the coils at zero current.
     Arm(RequestArgs),
@@ -93,9 +101,13 @@ impl Command {
             #[cfg(feature = "sim")]
             Self::Soak(command) => command.run(),
             Self::Run(command) => command.run(),
+            #[cfg(feature = "record")]
+            Self::Record(command) => command.run(),
             Self::Status(command) => command.run(),
             Self::Events(command) => command.run(),
             Self::Runs(command) => command.run(),
+            #[cfg(feature = "record")]
+            Self::Replay(command) => command.run(),
             Self::Target(command) => command.run(),
             Self::Arm(request) => request.run(verb::ARM),
             Self::Go(request) => request.run(verb::GO),

@@ -72,7 +72,7 @@ impl Demo {
             false,
             || (),
             || {
-                let mut pair = Pair::start(&document, &config, &folder, &[])?;
+                let mut pair = Pair::start(&document, &config, &folder, &[], cfg!(feature = "record"))?;
                 let played = play(&mut pair, &experiment, &config.description, &stop);
                 let reports = pair.end();
                 reports.iter().for_each(|(daemon, _)| tell_flights(daemon));

@@ -34,8 +34,14 @@ mod pair;
 mod plan;
 mod play;
 mod reach;
+#[cfg(feature = "record")]
+mod record;
+#[cfg(feature = "record")]
+mod replay;
 mod rig_file;
 mod run;
+#[cfg(feature = "record")]
+mod run_files;
 #[cfg(feature = "sim")]
 mod run_folder;
 #[cfg(all(feature = "figures", feature = "sim"))]

@@ -39,7 +39,7 @@ pub struct Pair {
 }
 
 impl Pair {
-    /// Starts both. `plant_arguments`: more for the plant's command line.
+    /// Starts both. `plant_arguments`: more for the plant's command line; `records`: every cycle is recorded too.
     ///
     /// # Errors
     /// When the folder cannot be written, no root can be made, or a process does not start.
@@ -48,6 +48,7 @@ impl Pair {
         config: &Config,
         folder: &Path,
         plant_arguments: &[&OsStr],
+        records: bool,
     ) -> anyhow::Result<Self> {
         // Both processes read the very same text: the merged file, kept beside the results.
         let file = folder.join("config.toml");
@@ -55,9 +56,10 @@ impl Pair {
         let root = PrivateRoot::create(ROOT_HINT).map_err(channel_failure)?;
         let endpoint = root.endpoint(&config.description.rig).map_err(channel_failure)?;
         let plant = Process::start("sim-plant", &file, root.path(), folder, plant_arguments)?;
-        let records = config.daemon.as_ref().is_some_and(|daemon| daemon.recorder.is_some());
+        let has_flights = config.daemon.as_ref().is_some_and(|daemon| daemon.recorder.is_some());
+        let flights: &[&OsStr] = if has_flights { &["--flights".as_ref(), folder.as_ref()] } else { &[] };
         let record: &[&OsStr] = if records { &["--record".as_ref(), folder.as_ref()] } else { &[] };
-        let daemon = Process::start("run", &file, root.path(), folder, record)?;
+        let daemon = Process::start("run", &file, root.path(), folder, &[flights, record].concat())?;
         Ok(Self { daemon, plant, endpoint, _root: root })
     }
 

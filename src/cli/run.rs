@@ -1,6 +1,6 @@
 //! `magsteer run`: the daemon.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,12 +8,18 @@ use clap::Args;
 use magsteer::config::{Config, Document};
 use magsteer::control::Cycle;
 use magsteer::daemon::recorder::RecorderPlan;
-use magsteer::daemon::{DaemonConfig, LatencySummary, Mode, RunError, RunPlan, RunReport, StopFlag, run};
+use magsteer::daemon::{
+    CompanionPlan, DaemonConfig, LatencySummary, Mode, RunError, RunPlan, RunReport, StopFlag, config_digest,
+    run,
+};
+use magsteer_hal::channels::Endpoint;
 
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::output;
 use super::rig_file::{RootArgs, channel_failure, keep_files_private};
+#[cfg(feature = "record")]
+use super::run_files::RunFiles;
 
 /// Run the daemon of a rig until it is told to end.
 ///
@@ -36,9 +42,18 @@ pub struct Run {
     /// How long to wait for a driver, s.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     wait_s: f64,
+    /// Record every cycle, by a process of its own, into this folder; without DIR into a dated one below `runs`. Flights,
+    /// the journal, the resolved configuration and the report of the run go there too.
+    #[cfg(feature = "record")]
+    #[arg(long, value_name = "DIR", num_args = 0..=1, default_missing_value = "")]
+    record: Option<PathBuf>,
+    /// What to say of the run in its recording.
+    #[cfg(feature = "record")]
+    #[arg(long, value_name = "TEXT", default_value = "", requires = "record")]
+    description: String,
     /// Folder for flights and the journal, in place of that in [daemon.recorder].
     #[arg(long, value_name = "DIR")]
-    record: Option<PathBuf>,
+    flights: Option<PathBuf>,
     #[command(flatten)]
     root: RootArgs,
     /// Also end when standard input closes, for a daemon that must not outlive who started it.
@@ -61,34 +76,66 @@ impl Run {
         }
         let controller = controller(&document, &config)?;
         let endpoint = self.root.endpoint(&config.description.rig)?;
+        let files = self.files(&document)?;
         let plan = RunPlan {
             description: &config.description,
             config: &daemon,
             endpoint: &endpoint,
             driver_wait,
             arm: self.arm,
-            recorder: self.recorder(&document, &daemon)?,
+            recorder: self.recorder(&document, &daemon, &files)?,
+            companion: files.companion(&endpoint)?,
+            config_digest: config_digest(&document.resolved().sha256),
         };
         let stop = Arc::new(StopFlag::new());
         let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;
         match report {
-            Ok(report) => self.tell(&report, &stop),
+            Ok(report) => {
+                files.end(&report)?;
+                self.tell(&report, &stop)
+            }
             Err(RunError::Interrupted) => Ok(exit_of(&stop)),
             Err(RunError::Channel(error)) => Err(channel_failure(error)),
+            Err(error @ RunError::Companion(_)) => Err(Failure::with(Exit::CannotCreate, error)),
             Err(error) => Err(Failure::with(Exit::Software, error)),
         }
     }
 
-    /// What to record, where the configuration or the command line says.
-    fn recorder(&self, document: &Document, daemon: &DaemonConfig) -> anyhow::Result<Option<RecorderPlan>> {
+    /// Flights and journal: where the configuration or the command line says.
+    fn recorder(
+        &self,
+        document: &Document,
+        daemon: &DaemonConfig,
+        kept: &Kept,
+    ) -> anyhow::Result<Option<RecorderPlan>> {
         let Some(mut config) = daemon.recorder.clone() else {
-            return match &self.record {
-                Some(_) => Err(Failure::usage("--record: the configuration has no table [daemon.recorder]")),
+            return match &self.flights {
+                Some(_) => Err(Failure::usage("--flights: the configuration has no table [daemon.recorder]")),
                 None => Ok(None),
             };
         };
-        self.record.iter().for_each(|folder| config.folder.clone_from(folder));
+        if let Some(folder) = self.flights.as_deref().or(kept.folder()) {
+            folder.clone_into(&mut config.folder);
+        }
         Ok(Some(RecorderPlan { config, config_sha256: document.resolved().sha256 }))
+    }
+
+    /// What is kept of the run beside flights and journal.
+    #[cfg(feature = "record")]
+    fn files(&self, document: &Document) -> anyhow::Result<Kept> {
+        let named = |folder: &PathBuf| (!folder.as_os_str().is_empty()).then(|| folder.clone());
+        let begin = |folder: &PathBuf| RunFiles::begin(named(folder).as_deref(), document, &self.description);
+        let files = self.record.as_ref().map(begin).transpose()?;
+        if let Some(files) = &files {
+            output::note(format_args!("recording to {}", files.recording().display()));
+        }
+        Ok(Kept(files))
+    }
+
+    /// This build records nothing.
+    #[cfg(not(feature = "record"))]
+    fn files(&self, _: &Document) -> anyhow::Result<Kept> {
+        Ok(Kept)
     }
 
     fn tell(&self, report: &RunReport, stop: &StopFlag) -> anyhow::Result<Exit> {
@@ -98,6 +145,44 @@ impl Run {
             output::result(summary(report))?;
         }
         Ok(if report.is_clean() { exit_of(stop) } else { Exit::No })
+    }
+}
+
+/// What is kept of a run.
+#[cfg(feature = "record")]
+struct Kept(Option<RunFiles>);
+
+#[cfg(feature = "record")]
+impl Kept {
+    fn folder(&self) -> Option<&Path> {
+        self.0.as_ref().map(RunFiles::folder)
+    }
+
+    fn companion(&self, endpoint: &Endpoint) -> anyhow::Result<Option<CompanionPlan>> {
+        self.0.as_ref().map(|files| files.companion(endpoint)).transpose()
+    }
+
+    fn end(&self, report: &RunReport) -> anyhow::Result<()> {
+        self.0.as_ref().map_or(Ok(()), |files| files.end(report))
+    }
+}
+
+/// This build keeps flights and the journal alone.
+#[cfg(not(feature = "record"))]
+struct Kept;
+
+#[cfg(not(feature = "record"))]
+impl Kept {
+    fn folder(&self) -> Option<&Path> {
+        None
+    }
+
+    fn companion(&self, _: &Endpoint) -> anyhow::Result<Option<CompanionPlan>> {
+        Ok(None)
+    }
+
+    fn end(&self, _: &RunReport) -> anyhow::Result<()> {
+        Ok(())
     }
 }
 

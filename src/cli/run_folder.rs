@@ -1,10 +1,6 @@
 //! Where the files of a run go.
 
-use std::path::Path;
-
-use anyhow::anyhow;
-
-use super::exit::{Exit, Failure};
+pub use super::exit::cannot_create;
 
 /// `NAME-YYYYMMDD-HHMMSS`, UTC.
 pub fn dated(name: &str) -> String {
@@ -18,9 +14,4 @@ pub fn dated(name: &str) -> String {
         now.minute(),
         now.second()
     )
-}
-
-/// A file or folder that cannot be made, with its exit code.
-pub fn cannot_create(path: &Path, error: &std::io::Error) -> anyhow::Error {
-    Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", path.display()))
 }

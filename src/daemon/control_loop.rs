@@ -132,13 +132,14 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         let outcome = self.controller.step(&input);
         watch.ended(Phase::Control);
         let seen = self.observe(&tick, &sensed, &outcome);
-        let decision = self.supervisor.step(&seen, self.request.take());
+        let request = self.request.take();
+        let decision = self.supervisor.step(&seen, request);
         self.follow_wishes(&decision, &outcome);
         let (command, limited) = self.admit(&decision, &input, &outcome);
         watch.ended(Phase::Decide);
         self.write_failed = command.is_some_and(|command| self.hardware.write(&command, tick.now).is_err());
         watch.ended(Phase::Write);
-        self.record(tick, input, outcome, decision, &sensed, command, limited)
+        self.record(tick, input, outcome, (request, decision), &sensed, command, limited)
     }
 
     /// Leaves a request for the next cycle.
@@ -320,7 +321,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         tick: Tick,
         input: CycleInput,
         outcome: CycleOutcome,
-        decision: Decision,
+        (request, decision): (Option<Request>, Decision),
         sensed: &Sensed,
         command: Option<AdmittedCommand>,
         limited: Limited,
@@ -332,7 +333,9 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             input,
             outcome,
             decision,
+            request,
             feedback: sensed.feedback.last,
+            feedback_is_fresh: sensed.feedback.fresh,
             pose_refused: sensed.pose.refused,
             feedback_refused: sensed.feedback.refused,
             order: command.filter(|_| !self.write_failed).map(|command| command.order()),
@@ -342,6 +345,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             receipt,
             execution: Duration::ZERO,
             phases: PhaseTimes::default(),
+            allocations: 0,
         };
         if let Some(pose) = record.input.pose.filter(|_| record.answers_fresh_poses()) {
             self.receipts.note_answer(&pose.header);

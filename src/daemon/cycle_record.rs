@@ -8,7 +8,7 @@ use magsteer_hal::{Absent, Actuation, CoilFeedback, Stamp};
 use super::clock::Tick;
 use super::phases::PhaseTimes;
 use super::receipt::Receipt;
-use super::state::Directive;
+use super::state::{Directive, Request};
 use super::statistics::CycleTiming;
 use super::supervisor::Decision;
 use crate::control::{CycleInput, CycleOutcome, ReferenceTarget};
@@ -24,8 +24,12 @@ pub struct CycleRecord {
     pub outcome: CycleOutcome,
     /// What the supervisor decided.
     pub decision: Decision,
+    /// The request that it took.
+    pub request: Option<Request>,
     /// Newest valid feedback.
     pub feedback: Option<CoilFeedback>,
+    /// True when that came in this cycle.
+    pub feedback_is_fresh: bool,
     /// Why the newest poses were refused, when they were.
     pub pose_refused: Option<Absent>,
     /// Why the newest feedback was refused, when it was.
@@ -44,6 +48,9 @@ pub struct CycleRecord {
     pub execution: Duration,
     /// The same by phase.
     pub phases: PhaseTimes,
+    /// Allocations of the loop's thread in the cycles before, as `LoopEnd::allocations`; filled in by whoever
+    /// counts them.
+    pub allocations: u64,
 }
 
 impl CycleRecord {

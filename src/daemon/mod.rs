@@ -6,6 +6,8 @@
 //! |---|---|
 //! | `control_loop` | one cycle: read, step, supervise, gate, write, record |
 //! | `cycle_record` | what is known of a cycle when it has ended |
+//! | `wire`, `record_feed` | the same as it is published, in batches, for whoever records |
+//! | `companion` | the process that records a run, as the daemon's child |
 //! | `config` | the `[daemon]` table |
 //! | `state` | the states with their diagram, requests, answers |
 //! | `supervisor` | decides the state and what the cycle may send |
@@ -38,6 +40,7 @@
 mod allocation;
 mod causes;
 mod clock;
+mod companion;
 mod config;
 mod control_loop;
 #[cfg(test)]
@@ -54,6 +57,7 @@ mod passive;
 mod phases;
 pub mod realtime;
 mod receipt;
+mod record_feed;
 pub mod recorder;
 mod run;
 mod run_digest;
@@ -72,10 +76,12 @@ mod timing_summary;
 mod trust;
 mod view;
 mod watch;
+mod wire;
 
 pub use allocation::{CountingAllocator, allocations_of_thread, is_counting};
 pub use causes::{Response, holds_currents, is_monitor, response};
 pub use clock::{Clock, Pace, Schedule, Tick};
+pub use companion::{ATTACHED, Companion, CompanionError, CompanionPlan};
 pub use config::{DaemonConfig, Limits, Mode, RealtimePolicy, SafeAction};
 pub use control_loop::{ControlLoop, LoopOptions, Occupied};
 pub use cycle_record::CycleRecord;
@@ -93,3 +99,4 @@ pub use supervisor::{Decision, Supervisor};
 pub use timing_summary::{Bin, LatencySummary, PhaseSummary, TimingHistograms, TimingSummary};
 pub use trust::Astray;
 pub use watch::{DriverView, Found, Observation};
+pub use wire::{config_digest, cycle_message, taken_request};

@@ -22,6 +22,7 @@ use magsteer_hal::operator::{Cause, state};
 use rayon::ThreadPool;
 use serde::{Deserialize, Serialize};
 
+use super::companion::{Companion, CompanionError, CompanionPlan};
 use super::config::{DaemonConfig, RealtimePolicy};
 use super::control_loop::{ControlLoop, LoopOptions};
 use super::idle::IdleBound;
@@ -34,7 +35,7 @@ use super::realtime::{RealtimeItem, RealtimeReport};
 use super::recorder::{Recorder, RecorderPlan, RecorderState};
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::Statistics;
-use super::telemetry::{Telemetry, TelemetryRings, log};
+use super::telemetry::{Recording, Telemetry, TelemetryRings, log};
 use super::threads::threads_of;
 use super::timing_summary::{TimingHistograms, TimingSummary};
 use crate::control::Step;
@@ -67,8 +68,12 @@ pub struct RunPlan<'a> {
     pub driver_wait: Duration,
     /// Arm as soon as the rig is ready.
     pub arm: bool,
-    /// What to record; `None` for nothing.
+    /// Flights and journal; `None` for none.
     pub recorder: Option<RecorderPlan>,
+    /// The process that records every cycle; `None` for none.
+    pub companion: Option<CompanionPlan>,
+    /// As [`magsteer_hal::record::RecordBatch::config_digest`].
+    pub config_digest: u64,
 }
 
 /// Why a daemon did not run to a clean end.
@@ -80,6 +85,9 @@ pub enum RunError {
     /// A thread could not be started.
     #[error("a thread could not be started: {0}")]
     Thread(#[from] std::io::Error),
+    /// The process that is to record does not.
+    #[error(transparent)]
+    Companion(#[from] CompanionError),
     /// Asked to end before a driver was found.
     #[error("asked to end before a driver was found")]
     Interrupted,
@@ -181,6 +189,9 @@ pub fn run<S: Step + Send>(
         .map(|recorder| Recorder::start(recorder, plan.description, plan.config.rate_hz))
         .transpose()?;
     let recorded = recorder.as_ref().map(Recorder::state);
+    // It listens before the first cycle runs.
+    let companion = plan.companion.as_ref().map(Companion::start).transpose()?;
+    let recording = Recording { recorder, companion, config_digest: plan.config_digest };
     let counters = LoopCounters::default();
     let realtime = OnceLock::new();
     // Held until all threads have ended.
@@ -200,7 +211,7 @@ pub fn run<S: Step + Send>(
                     // Before memory is locked, so that it is locked too.
                     let statistics = Statistics::new(plan.config.rate_hz);
                     let control_loop =
-                        prepare_loop(plan, services, controller, (pool, idle_item), &realtime)?;
+                        prepare_loop(plan, services, controller, (pool, idle_item), (&realtime, &counters))?;
                     Ok(run_loop(control_loop, plan.config.pace(), statistics, loop_rings, &counters, stop))
                 };
                 // Entered once: the loop becomes one of the pool's threads, and a cycle hands work to the others at little cost.
@@ -219,7 +230,7 @@ pub fn run<S: Step + Send>(
                     plan.description,
                     plan.config,
                     plan.arm,
-                    recorder,
+                    recording,
                     notify,
                 )
                 .serve(&counters, stop);
@@ -286,7 +297,7 @@ fn prepare_loop<S: Step>(
     services: DaemonServices,
     controller: S,
     (workers, idle): (Option<&ThreadPool>, Option<&RealtimeItem>),
-    realtime: &OnceLock<RealtimeReport>,
+    (realtime, counters): (&OnceLock<RealtimeReport>, &LoopCounters),
 ) -> Result<ControlLoop<magsteer_hal::channels::DaemonEnd, S>, ChannelError> {
     let hardware = services.into_ports(plan.description)?;
     let mut report = request_realtime(&RealtimeRequest {
@@ -297,6 +308,7 @@ fn prepare_loop<S: Step>(
     report.items.extend(idle.cloned());
     report.items.extend(workers.and_then(|workers| realtime_of(workers, plan.config.priority)));
     let realtime_missing = plan.config.realtime == RealtimePolicy::Enforce && !report.is_granted();
+    counters.realtime_missing.store(realtime_missing, Ordering::Relaxed);
     log(format_args!("{} Hz; {report}", plan.config.rate_hz));
     // Set once, here.
     let _ = realtime.set(report);

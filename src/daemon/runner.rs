@@ -3,7 +3,7 @@
 //! The only traffic with other threads is through wait-free rings and one atomic number. A ring that is
 //! full makes the loop count what it could not hand on, never wait.
 
-use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 use std::time::Duration;
 
 use magsteer_hal::operator::{Cause, state};
@@ -69,6 +69,8 @@ pub struct LoopCounters {
     pub answers_dropped: AtomicU64,
     /// See [`LoopEnd::allocations`].
     pub allocations: AtomicU64,
+    /// Real time is enforced and was not granted.
+    pub realtime_missing: AtomicBool,
 }
 
 /// A ramp to zero, from the cycle that began it to the one that saw zero measured.
@@ -186,6 +188,7 @@ pub fn run_loop<H: Hardware, S: Step>(
         let mut watch = StopWatch::started(tick.now);
         let mut record = control_loop.timed_cycle(tick, &mut watch);
         record.note_times(watch.finish());
+        record.allocations = counters.allocations.load(Ordering::Relaxed);
         statistics.record(&record.timing());
         ramps.take(&record);
         hand_on(&mut rings, &record, counters);

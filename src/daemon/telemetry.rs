@@ -14,10 +14,12 @@ use rtrb::{Consumer, Producer};
 
 use crate::control::ReferenceTarget;
 
+use super::companion::Companion;
 use super::config::DaemonConfig;
 use super::cycle_record::CycleRecord;
 use super::journal::{Field, Priority, tell};
 use super::notify::Notify;
+use super::record_feed::RecordFeed;
 use super::recorder::Recorder;
 use super::runner::{LoopCounters, StopFlag};
 use super::state::{Answer, Request, Verb};
@@ -30,6 +32,8 @@ const ANSWER_PATIENCE: Duration = Duration::from_millis(200);
 /// How long `--arm` tries, and how often.
 const ARM_PATIENCE: Duration = Duration::from_secs(10);
 const ARM_PAUSE: Duration = Duration::from_millis(200);
+/// How often it looks whether the process that records is alive.
+const COMPANION_PERIOD: Duration = Duration::from_millis(100);
 /// Requests under way at once.
 const PENDING_MAX: usize = 32;
 /// Number of the request that arms at the start; operators' are counted from the next one.
@@ -44,6 +48,17 @@ pub struct TelemetryRings {
     pub answers: Consumer<Answer>,
     /// One record a cycle.
     pub records: Consumer<CycleRecord>,
+}
+
+/// What is kept of the run, and by whom.
+#[derive(Debug)]
+pub struct Recording {
+    /// The flight recorder.
+    pub recorder: Option<Recorder>,
+    /// The process that records.
+    pub companion: Option<Companion>,
+    /// As [`magsteer_hal::record::RecordBatch::config_digest`].
+    pub config_digest: u64,
 }
 
 /// A request that waits for the loop's answer.
@@ -75,6 +90,9 @@ pub struct Telemetry {
     arm_at_start: Option<ArmAtStart>,
     rig: Counts,
     recorder: Option<Recorder>,
+    feed: RecordFeed,
+    companion: Option<Companion>,
+    next_look: Stamp,
     notify: Notify,
 }
 
@@ -87,7 +105,7 @@ impl Telemetry {
         description: &HardwareDescription,
         config: &DaemonConfig,
         arm: bool,
-        recorder: Option<Recorder>,
+        recording: Recording,
         notify: Notify,
     ) -> Self {
         let now = Stamp::now();
@@ -104,7 +122,10 @@ impl Telemetry {
                 magnets: u32::try_from(description.magnets().count()).unwrap_or(u32::MAX),
                 frames: u32::try_from(description.frames.len()).unwrap_or(u32::MAX),
             },
-            recorder,
+            recorder: recording.recorder,
+            feed: RecordFeed::new(recording.config_digest),
+            companion: recording.companion,
+            next_look: now,
             notify,
         }
     }
@@ -116,7 +137,10 @@ impl Telemetry {
             let now = Stamp::now();
             let dropped = counters.records_dropped.load(Ordering::Relaxed);
             self.recorder.iter_mut().for_each(|recorder| recorder.set_dropped(dropped));
-            self.take_records();
+            self.feed.note(dropped, counters.realtime_missing.load(Ordering::Relaxed));
+            self.take_records(now);
+            self.feed.look(&mut self.server, now);
+            self.look_after_companion(now);
             self.tell_manager(now, stop);
             self.take_answers();
             self.take_requests(now);
@@ -133,12 +157,37 @@ impl Telemetry {
         if dropped > 0 {
             log(format_args!("{dropped} cycle records were dropped: this thread was starved"));
         }
+        self.end_recording(dropped);
         if let Some(recorder) = self.recorder.take() {
             recorder.end();
         }
     }
 
-    fn take_records(&mut self) {
+    /// Says once when the process that records has died.
+    fn look_after_companion(&mut self, now: Stamp) {
+        if now < self.next_look {
+            return;
+        }
+        self.next_look = now.after(COMPANION_PERIOD);
+        if let Some(words) = self.companion.as_mut().and_then(Companion::newly_dead) {
+            self.tell_lost_recording(&words);
+        }
+    }
+
+    fn tell_lost_recording(&self, words: &str) {
+        tell(Priority::Warning, &[], format_args!("{words}"));
+        self.recorder.iter().for_each(|recorder| recorder.recording_lost(words));
+    }
+
+    /// Publishes the last cycles and waits until they are recorded, with the publisher still there.
+    fn end_recording(&mut self, dropped: u64) {
+        self.feed.end(dropped, &mut self.server, Stamp::now());
+        if let Some(words) = self.companion.take().and_then(Companion::finish) {
+            self.tell_lost_recording(&words);
+        }
+    }
+
+    fn take_records(&mut self, now: Stamp) {
         while let Ok(record) = self.rings.records.pop() {
             if record.decision.transition.is_some() {
                 log_transition(&record);
@@ -146,6 +195,7 @@ impl Telemetry {
             if let Some(cause) = record.decision.given_up {
                 log(format_args!("target given up: {} (cause {})", cause.text(), cause.code()));
             }
+            self.feed.take(&record, &mut self.server, now);
             self.recorder.iter_mut().for_each(|recorder| recorder.take(&record));
             if let Some(cause) = record.decision.judgements.begun {
                 log(format_args!("passive: would have tripped: {} (cause {})", cause.text(), cause.code()));

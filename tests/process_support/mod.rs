@@ -105,7 +105,7 @@ impl Process {
         command.arg(name).arg(&world.file).arg("--root").arg(world.root.path());
         command.args(["--json", "--end-with-stdin"]).args(arguments);
         if name == "run" {
-            command.arg("--record").arg(world.recordings());
+            command.arg("--flights").arg(world.recordings());
         }
         Self::spawn(&mut command, log)
     }

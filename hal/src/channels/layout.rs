@@ -10,6 +10,10 @@ use crate::message::{Actuation, CoilCommand, CoilFeedback, Header, MagnetPose, P
 use crate::operator::{
     LoopTiming, OperatorAnswer, OperatorRequest, PhaseQuantiles, Quantiles, StatusMessage,
 };
+use crate::record::{
+    AbsenceMessage, AnswerMessage, CycleMessage, PhasesMessage, RecordBatch, RequestMessage, TargetMessage,
+    TickMessage,
+};
 
 /// Renders name, size, alignment and every field's offset. The destructuring stops the build when a field is missing.
 macro_rules! layout {
@@ -118,6 +122,92 @@ fn layouts() -> String {
             admitted,
         }
     );
+    layout!(text, TickMessage { number, deadline_ns, now_ns, lateness_ns, missed });
+    layout!(text, AbsenceMessage { expected, actual, code, reserved });
+    layout!(text, TargetMessage { direction, angle_rad, names_angles, reserved });
+    layout!(text, RequestMessage { verb, id, target });
+    layout!(text, AnswerMessage { epoch, id, given, cause, state });
+    layout!(text, PhasesMessage { read_ns, control_ns, decide_ns, write_ns, record_ns });
+    layout!(
+        text,
+        CycleMessage {
+            tick,
+            pose,
+            feedback,
+            pose_refused,
+            feedback_refused,
+            request,
+            answers,
+            target,
+            steered_to,
+            in_force,
+            desired_direction,
+            measured_direction,
+            predicted_direction,
+            bias_rad,
+            requested,
+            admitted,
+            epoch,
+            command_pose_stamp_ns,
+            period_s,
+            residual,
+            stability_margin,
+            condition,
+            verdict_progress,
+            verdict_current_a,
+            coil_heat,
+            execution_ns,
+            phases,
+            pose_to_driver_ns,
+            round_trip_ns,
+            allocations,
+            would_trip_count,
+            pose_received,
+            pose_fresh,
+            feedback_received,
+            feedback_fresh,
+            state,
+            cause,
+            transition_from,
+            transition_to,
+            transition_cause,
+            given_up,
+            directive,
+            order,
+            engaged,
+            target_accepted,
+            froze,
+            verdict,
+            verdict_obstacle,
+            stability_low,
+            model_converged,
+            model_passes,
+            jacobian_age,
+            unstable_modes,
+            field_valid,
+            saturated,
+            limited_magnitude,
+            limited_slew,
+            limited_range,
+            limited_speed,
+            passive,
+            would_trip
+        }
+    );
+    layout!(
+        text,
+        RecordBatch {
+            header,
+            begin,
+            dropped,
+            config_digest,
+            count,
+            is_last,
+            realtime_missing,
+            reserved,
+            cycles
+        }
+    );
     text
 }
 
@@ -146,6 +236,17 @@ mod tests {
             ("Quantiles", 5 * 8),
             ("PhaseQuantiles", 5 * 40),
             ("LoopTiming", 2 * 8 + 11 * 40),
+            ("TickMessage", 5 * 8),
+            ("AbsenceMessage", 2 * 8 + 8),
+            ("TargetMessage", 192 + 64 + 8),
+            ("RequestMessage", 8 + 264),
+            ("AnswerMessage", 8 + 4 * 4),
+            ("PhasesMessage", 5 * 8),
+            (
+                "CycleMessage",
+                40 + 568 + 440 + 2 * 24 + 272 + 2 * 24 + 3 * 264 + 4 * 192 + 2 * 320 + 14 * 8 + 40 + 30 * 4,
+            ),
+            ("RecordBatch", 48 + 3 * 8 + 4 * 4 + 8 * 3888),
             ("StatusMessage", 48 + 8 + 10 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 4 * 192 + 2 * 320),
         ];
         let text = layouts();

@@ -8,6 +8,7 @@
 //! | `target/set`, `request` | operator to daemon | request and answer | [`OperatorServer`], [`OperatorClient`] |
 //! | `fault` | anyone to a driver that allows faults | request and answer | [`DriverServices::allow_faults`], [`FaultClient`] |
 //! | `status` | daemon to whoever looks | stream | as above |
+//! | `record` | every cycle of the daemon to whoever records | stream | [`OperatorServer`], [`RecordObserver`] |
 //!
 //! Rules: a rig has one driver and one daemon, held by lock files that die with their process; either may restart at
 //! any time, killed or not, and meets the other again without anybody clearing anything up. Nothing here waits except
@@ -25,6 +26,7 @@ mod membership;
 mod operator;
 mod ports;
 mod private_root;
+mod record;
 mod requests;
 mod service;
 
@@ -36,3 +38,4 @@ pub use fault::FaultClient;
 pub use leftovers::{Cleared, Leftovers};
 pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServices, TruthObserver};
 pub use private_root::PrivateRoot;
+pub use record::{RecordLoss, RecordObserver};

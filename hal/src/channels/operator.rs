@@ -12,14 +12,16 @@ use super::error::{ChannelError, ClientError, Role};
 use super::lock::RoleLock;
 use super::membership::Membership;
 use super::ports::{Inlet, Outlet};
+use super::record::RecordOutlet;
 use super::requests::ask;
 use super::service::{
-    REQUEST, Requests, STATUS, TARGET_SET, TRUTH, Topic, Wait, create_requests, create_topic, open_requests,
-    open_topic, retried,
+    RECORD, REQUEST, Requests, STATUS, TARGET_SET, TRUTH, Topic, Wait, create_requests, create_topic,
+    open_requests, open_topic, retried,
 };
 use crate::hardware::WriteError;
 use crate::message::PoseMessage;
 use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
+use crate::record::RecordBatch;
 use crate::send::HeaderWriter;
 use crate::time::Stamp;
 
@@ -37,6 +39,7 @@ pub struct OperatorServices {
     request: OperatorRequests,
     target_set: OperatorRequests,
     status: Topic<StatusMessage>,
+    record: Topic<RecordBatch>,
 }
 
 impl OperatorServices {
@@ -51,6 +54,7 @@ impl OperatorServices {
             request: create_requests(&membership.node, endpoint, REQUEST)?,
             target_set: create_requests(&membership.node, endpoint, TARGET_SET)?,
             status: create_topic(&membership.node, endpoint, STATUS)?,
+            record: create_topic(&membership.node, endpoint, RECORD)?,
             lock,
             membership,
         })
@@ -61,11 +65,13 @@ impl OperatorServices {
     /// # Errors
     /// When the transport fails.
     pub fn into_server(self) -> Result<OperatorServer, ChannelError> {
+        let epoch = Stamp::now().nanoseconds().max(1);
         Ok(OperatorServer {
             request: retried(REQUEST, || self.request.server_builder().create())?,
             target_set: retried(TARGET_SET, || self.target_set.server_builder().create())?,
             status: Outlet::new(self.status)?,
-            header: HeaderWriter::new(Stamp::now().nanoseconds().max(1)),
+            record: RecordOutlet::new(self.record, epoch)?,
+            header: HeaderWriter::new(epoch),
             _membership: self.membership,
             _lock: self.lock,
         })
@@ -78,6 +84,7 @@ pub struct OperatorServer {
     request: RequestServer,
     target_set: RequestServer,
     status: Outlet<StatusMessage>,
+    record: RecordOutlet,
     header: HeaderWriter,
     _membership: Membership,
     _lock: RoleLock,
@@ -100,6 +107,15 @@ impl OperatorServer {
     pub fn publish_status(&mut self, mut status: StatusMessage, now: Stamp) -> Result<(), WriteError> {
         self.header.write(&mut status.header, now);
         self.status.send(status, now)
+    }
+
+    /// Publishes some cycles, filling in sequence, epoch, schema and publish stamp. Never waits: an observer whose
+    /// queue is full loses its oldest batch.
+    ///
+    /// # Errors
+    /// When the transport refuses.
+    pub fn publish_record(&mut self, batch: &mut RecordBatch, now: Stamp) -> Result<(), WriteError> {
+        self.record.publish(batch, now)
     }
 }
 

@@ -22,6 +22,7 @@ use super::service::{Topic, retried};
 use crate::hardware::WriteError;
 use crate::message::{CoilCommand, CoilFeedback, Header, PoseMessage};
 use crate::operator::StatusMessage;
+use crate::record::RecordBatch;
 use crate::time::Stamp;
 
 /// What every message on a topic has.
@@ -48,6 +49,12 @@ impl Message for CoilCommand {
 }
 
 impl Message for StatusMessage {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+}
+
+impl Message for RecordBatch {
     fn header(&self) -> &Header {
         &self.header
     }

@@ -68,6 +68,10 @@ pub(super) const TRUTH: TopicSettings =
 pub(super) const STATUS: TopicSettings =
     TopicSettings { channel: "status", history: 1, buffer: 64, publishers: 8, subscribers: 16 };
 
+/// A second of a loop at 1 kHz waits for whoever records it.
+pub(super) const RECORD: TopicSettings =
+    TopicSettings { channel: "record", history: 0, buffer: 128, publishers: 8, subscribers: 4 };
+
 pub(super) const REQUEST: &str = "request";
 pub(super) const TARGET_SET: &str = "target/set";
 /// Served by a driver that allows faults on request, and by no other.

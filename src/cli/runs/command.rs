@@ -4,12 +4,14 @@ use clap::{Args, Subcommand};
 use magsteer::daemon::recorder::FlightError;
 use magsteer_hal::operator::verb;
 
+#[cfg(feature = "record")]
+use super::export::{Export, Recover};
 use super::list::List;
 use super::show::Show;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::operator::RequestArgs;
 
-/// Look at flights: the last seconds of every cycle, which the daemon writes after a trip.
+/// Look at runs: recordings of every cycle, and flights, the last seconds before a trip.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  magsteer runs list\n  magsteer runs show runs/daemon/20261122-091419-bigmag-planar-safe-stop-200.flight\n  \
@@ -24,6 +26,10 @@ pub struct Runs {
 enum Action {
     List(List),
     Show(Show),
+    #[cfg(feature = "record")]
+    Export(Export),
+    #[cfg(feature = "record")]
+    Recover(Recover),
     /// Have the daemon write its last seconds now; it goes on meanwhile.
     Save(RequestArgs),
 }
@@ -33,6 +39,10 @@ impl Runs {
         match &self.action {
             Action::List(list) => list.run(),
             Action::Show(show) => show.run(),
+            #[cfg(feature = "record")]
+            Action::Export(export) => export.run(),
+            #[cfg(feature = "record")]
+            Action::Recover(recover) => recover.run(),
             Action::Save(request) => request.run(verb::SAVE),
         }
     }

@@ -1,4 +1,4 @@
-//! `magsteer runs list`: the flights of a folder and of the folders in it.
+//! `magsteer runs list`: the recordings and flights of a folder and of the folders in it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::cli::output;
 /// Where run folders are made.
 const RUNS: &str = "runs";
 
-/// List the flights of a folder and of the folders in it, the newest last.
+/// List the recordings and flights of a folder and of the folders in it, the newest last.
 ///
 /// Ends with 0, though there may be none, or with 66 when there is no such folder.
 #[derive(Debug, Args)]
@@ -30,7 +30,20 @@ pub struct List {
 
 #[derive(Serialize)]
 struct Answer {
+    #[cfg(feature = "record")]
+    recordings: Vec<super::recording::RecordingLine>,
     flights: Vec<Line>,
+}
+
+impl Answer {
+    /// For people.
+    fn text(&self) -> String {
+        #[cfg(feature = "record")]
+        let recordings: String = self.recordings.iter().map(super::recording::RecordingLine::text).collect();
+        #[cfg(not(feature = "record"))]
+        let recordings = String::new();
+        recordings + &self.flights.iter().map(Line::text).collect::<String>()
+    }
 }
 
 /// One flight; what its head does not tell is null.
@@ -54,19 +67,30 @@ struct Line {
 impl List {
     pub fn run(&self) -> anyhow::Result<Exit> {
         let mut paths = flights_in(&self.folder).map_err(|error| unreadable(&self.folder, &error))?;
-        for folder in folders_in(&self.folder) {
+        let folders = folders_in(&self.folder);
+        for folder in &folders {
             // A folder of others that may not be read has no flights of ours.
-            paths.extend(flights_in(&folder).unwrap_or_default());
+            paths.extend(flights_in(folder).unwrap_or_default());
         }
         let mut flights: Vec<Line> = paths.into_iter().map(Line::new).collect();
         flights.sort_by(|one, other| (&one.time, &one.file).cmp(&(&other.time, &other.file)));
+        let answer = Answer {
+            #[cfg(feature = "record")]
+            recordings: {
+                let folders: Vec<PathBuf> = std::iter::once(self.folder.clone()).chain(folders).collect();
+                super::recording::recordings_in(&folders)
+            },
+            flights,
+        };
         if self.json {
-            output::json(&Answer { flights })?;
-        } else if flights.is_empty() {
-            output::note(format_args!("{}: no flights", self.folder.display()));
-        } else {
-            output::result(flights.iter().map(Line::text).collect::<String>())?;
+            output::json(&answer)?;
+            return Ok(Exit::Success);
         }
+        let text = answer.text();
+        if text.is_empty() {
+            output::note(format_args!("{}: neither recordings nor flights", self.folder.display()));
+        }
+        output::result(text)?;
         Ok(Exit::Success)
     }
 }

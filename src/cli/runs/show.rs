@@ -18,7 +18,8 @@ const ROWS: usize = 20;
 /// Time before a trip that the table shows when nothing else is asked for, s; after it what is there.
 const BEFORE_S: f64 = 1.0;
 
-/// Show a flight: why it was written, the last second before the trip and what came of it, the worst values.
+/// Show a flight: why it was written, the last second before the trip and what came of it, the worst values. Or a
+/// recording: what it holds and what happened.
 ///
 /// Ends with 0; with 65 when the file is no flight, of another version, or damaged: what stands before the
 /// damage is shown; with 66 when there is no such file.
@@ -27,8 +28,8 @@ const BEFORE_S: f64 = 1.0;
     after_help = "Example:\n  magsteer runs show runs/daemon/20261122-091419-bigmag-planar-safe-stop-200.flight --picture trip.png"
 )]
 pub struct Show {
-    /// The flight.
-    #[arg(value_name = "FLIGHT")]
+    /// The flight; or the recording of a run, or the run's folder.
+    #[arg(value_name = "FILE")]
     flight: PathBuf,
     /// Show so many seconds before and after the trip in the table and the picture.
     #[arg(long, value_name = "S")]
@@ -87,6 +88,10 @@ impl Show {
     pub fn run(&self) -> anyhow::Result<Exit> {
         if self.around.is_some_and(|around| !(around > 0.0 && around.is_finite())) {
             return Err(Failure::usage("--around: must be finite and > 0"));
+        }
+        #[cfg(feature = "record")]
+        if super::recording::is_recording(&self.flight) {
+            return super::recording::show(&self.flight, self.json);
         }
         let flight = Flight::read(&self.flight).map_err(refused)?;
         let (before, after) = self.around.map_or((BEFORE_S, f64::INFINITY), |around| (around, around));

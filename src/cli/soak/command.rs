@@ -140,7 +140,7 @@ impl Soak {
             Some(plan) => vec!["--allow-faults".as_ref(), "--fault-plan".as_ref(), plan.as_os_str()],
             None => Vec::new(),
         };
-        let mut pair = Pair::start(&subject.document, &subject.config, &subject.folder, &faults)?;
+        let mut pair = Pair::start(&subject.document, &subject.config, &subject.folder, &faults, false)?;
         let course = match pair.ready(stop) {
             Ok(None) => Ok(None),
             Ok(Some(_)) => {

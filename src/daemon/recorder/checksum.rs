@@ -28,6 +28,7 @@ pub struct Crc32(u32);
 
 impl Crc32 {
     /// Of no bytes yet.
+    #[must_use]
     pub const fn new() -> Self {
         Self(!0)
     }

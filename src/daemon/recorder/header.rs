@@ -66,7 +66,8 @@ pub struct Machine {
 
 impl Machine {
     /// This one.
-    pub(super) fn this() -> Self {
+    #[must_use]
+    pub fn this() -> Self {
         let read = |path: &str| fs::read_to_string(path).unwrap_or_default().trim().to_owned();
         let kernel = ["osrelease", "version"].map(|name| read(&format!("/proc/sys/kernel/{name}")));
         let processors = read("/proc/cpuinfo");

@@ -41,6 +41,8 @@ pub mod event {
     pub const FLIGHT: &str = "flight";
     /// A flight could not be written.
     pub const FLIGHT_LOST: &str = "flight-lost";
+    /// The process that records every cycle has died.
+    pub const RECORDING_LOST: &str = "recording-lost";
     /// Events were lost before this one.
     pub const LOST: &str = "lost";
 }

@@ -156,6 +156,12 @@ impl Recorder {
         self.event(Entry { request, ..caused(event::REFUSED, Some(cause)) });
     }
 
+    /// Notes that the process that records every cycle has died.
+    pub fn recording_lost(&self, detail: &str) {
+        let event = event::RECORDING_LOST.to_owned();
+        self.event(Entry { event, detail: Some(detail.to_owned()), ..Entry::default() });
+    }
+
     /// The run has ended: writes what is due, waits for the files, but not for ever.
     pub fn end(mut self) {
         let newest = self.newest;

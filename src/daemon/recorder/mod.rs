@@ -49,6 +49,7 @@ mod tests;
 mod trigger;
 mod wall;
 
+pub use checksum::Crc32;
 pub use columns::NONE;
 pub use config::RecorderConfig;
 pub use extract::{Extract, Extreme, Row, tangent_deg};
@@ -59,3 +60,4 @@ pub use journal::{Entry, JOURNAL, JournalPage, JournalTail, event, journal_files
 pub use keeper::{Recorder, RecorderPlan};
 pub use reading::{Ending, Flight, FlightError, FlightLabel};
 pub use refusal::refusal_text;
+pub use wall::{compact, rfc_3339};

@@ -1,23 +1,12 @@
 //! Why poses or feedback were refused, as three counts of a record, and back in words.
 
 use magsteer_hal::Absent;
+use magsteer_hal::record::AbsenceMessage;
 
 /// A refusal as code and two details, expected and actual where it has both.
 pub(super) fn absence(absent: Option<Absent>) -> (u64, u64, u64) {
-    match absent {
-        None => (0, 0, 0),
-        Some(Absent::NeverReceived) => (1, 0, 0),
-        Some(Absent::Schema { expected, actual }) => (2, expected.into(), actual.into()),
-        Some(Absent::Count { expected, actual, .. }) => (3, expected.into(), actual.into()),
-        Some(Absent::Implausible { index, .. }) => (4, 0, index.into()),
-        Some(Absent::Sequence { last, actual }) => (5, last, actual),
-        Some(Absent::FutureStamp { ahead_ns }) => (6, 0, ahead_ns),
-        Some(Absent::NotSeen { magnet }) => (7, 0, magnet.into()),
-        Some(Absent::Expired { late_ns }) => (8, 0, late_ns),
-        Some(Absent::FormerEpoch { last, actual }) => (9, last, actual),
-        Some(Absent::Transport) => (10, 0, 0),
-        Some(Absent::Description { expected, actual }) => (11, expected, actual),
-    }
+    let numbers = AbsenceMessage::new(absent);
+    (numbers.code.into(), numbers.expected, numbers.actual)
 }
 
 /// What a person reads for a refusal of poses or feedback, from its three columns; `None` for 0.

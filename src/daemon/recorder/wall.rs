@@ -17,6 +17,7 @@ pub fn wall_time(stamp: Stamp) -> SystemTime {
 }
 
 /// `2026-11-22T09:14:19.012345Z`. Times before 1970 read as 1970 begins.
+#[must_use]
 pub fn rfc_3339(time: SystemTime) -> String {
     let since = time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);
     let (days, second) = (since.as_secs() / SECONDS_A_DAY, since.as_secs() % SECONDS_A_DAY);
@@ -27,6 +28,7 @@ pub fn rfc_3339(time: SystemTime) -> String {
 }
 
 /// `20261122-091419`, for names of files.
+#[must_use]
 pub fn compact(time: SystemTime) -> String {
     let text = rfc_3339(time);
     let whole = text.split_once('.').map_or(text.as_str(), |(whole, _)| whole);
