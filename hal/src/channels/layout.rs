@@ -114,6 +114,8 @@ fn layouts() -> String {
             desired_direction,
             measured_direction,
             predicted_direction,
+            measured_position_m,
+            description_fingerprint,
             measured,
             admitted,
         }
@@ -146,7 +148,7 @@ mod tests {
             ("Quantiles", 5 * 8),
             ("PhaseQuantiles", 5 * 40),
             ("LoopTiming", 2 * 8 + 11 * 40),
-            ("StatusMessage", 48 + 8 + 10 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 4 * 192 + 2 * 320),
+            ("StatusMessage", 48 + 8 + 10 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 5 * 192 + 8 + 2 * 320),
         ];
         let text = layouts();
         for (name, size) in sizes {
