@@ -26,7 +26,11 @@ use super::sim_plant::SimPlant;
 use super::soak::Soak;
 use super::status::Status;
 use super::target::Target;
+#[cfg(feature = "top")]
+use super::top::Top;
 use super::tune::Tune;
+#[cfg(feature = "web")]
+use super::web::Web;
 
 /// Steers soft continuum manipulators carrying permanent magnets with an array of mobile electromagnets.
 #[derive(Debug, Parser)]
@@ -56,6 +60,10 @@ pub enum Command {
     Soak(Soak),
     Run(Run),
     Status(Status),
+    #[cfg(feature = "top")]
+    Top(Top),
+    #[cfg(feature = "web")]
+    Web(Web),
     Events(Events),
     Runs(Runs),
     Target(Target),
@@ -94,6 +102,10 @@ impl Command {
             Self::Soak(command) => command.run(),
             Self::Run(command) => command.run(),
             Self::Status(command) => command.run(),
+            #[cfg(feature = "top")]
+            Self::Top(command) => command.run(),
+            #[cfg(feature = "web")]
+            Self::Web(command) => command.run(),
             Self::Events(command) => command.run(),
             Self::Runs(command) => command.run(),
             Self::Target(command) => command.run(),
