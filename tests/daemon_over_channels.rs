@@ -196,6 +196,9 @@ fn an_operator_arms_steers_sets_targets_and_stops() {
     operator.insist(verb::ARM);
     let armed = operator.until(|status| status.state == state::ARMED);
     assert_eq!(armed.admitted, Actuation::default());
+    assert_eq!(armed.description_fingerprint, example_description().fingerprint());
+    let [first, second, none, ..] = armed.measured_position_m;
+    assert_eq!([first, second, none], [ideal_driver::POSITION_M, ideal_driver::POSITION_M, [0.0; 3]]);
     operator.insist(verb::GO);
     let status = operator.until(|status| (status.admitted.current_a[0] - 2.0).abs() < 1e-9);
     assert_eq!((status.state, status.coil_count, status.magnet_count), (state::ACTIVE, 3, 2));

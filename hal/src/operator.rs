@@ -245,7 +245,7 @@ pub struct LoopTiming {
 /// A view of the daemon for anyone who looks; never a command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_status_v3")]
+#[type_name("magsteer_status_v4")]
 pub struct StatusMessage {
     /// Common header; `source_stamp_ns` is the cycle's tick.
     pub header: Header,
@@ -318,6 +318,11 @@ pub struct StatusMessage {
     pub measured_direction: [[f64; 3]; MAGNETS_MAX],
     /// Tangents that the model predicts for the present actuation, world.
     pub predicted_direction: [[f64; 3]; MAGNETS_MAX],
+    /// Centres of the magnets measured last, world; zero where a magnet was not seen.
+    pub measured_position_m: [[f64; 3]; MAGNETS_MAX],
+    /// [`crate::HardwareDescription::fingerprint`] of the rig as the daemon knows it, so that a viewer can tell whether it
+    /// draws the same rig.
+    pub description_fingerprint: u64,
     /// Measured currents and angles.
     pub measured: Actuation,
     /// Currents and angles sent last.

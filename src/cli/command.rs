@@ -30,7 +30,11 @@ use super::sim_plant::SimPlant;
 use super::soak::Soak;
 use super::status::Status;
 use super::target::Target;
+#[cfg(feature = "top")]
+use super::top::Top;
 use super::tune::Tune;
+#[cfg(feature = "web")]
+use super::web::Web;
 
 /// Steers soft continuum manipulators carrying permanent magnets with an array of mobile electromagnets.
 #[derive(Debug, Parser)]
@@ -62,6 +66,10 @@ pub enum Command {
     #[cfg(feature = "record")]
     Record(Record),
     Status(Status),
+    #[cfg(feature = "top")]
+    Top(Top),
+    #[cfg(feature = "web")]
+    Web(Web),
     Events(Events),
     Runs(Runs),
     #[cfg(feature = "record")]
@@ -104,6 +112,10 @@ impl Command {
             #[cfg(feature = "record")]
             Self::Record(command) => command.run(),
             Self::Status(command) => command.run(),
+            #[cfg(feature = "top")]
+            Self::Top(command) => command.run(),
+            #[cfg(feature = "web")]
+            Self::Web(command) => command.run(),
             Self::Events(command) => command.run(),
             Self::Runs(command) => command.run(),
             #[cfg(feature = "record")]

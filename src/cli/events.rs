@@ -7,7 +7,8 @@ use std::time::Duration;
 use anyhow::anyhow;
 use clap::Args;
 use magsteer::daemon::StopFlag;
-use magsteer::daemon::recorder::{Entry, JOURNAL, JournalTail, event, journal_files, read_journal};
+use magsteer::daemon::recorder::{Entry, JOURNAL, JournalTail, journal_files, read_journal};
+use magsteer::live::words;
 
 use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
@@ -102,56 +103,13 @@ pub fn unreadable(folder: &Path, error: &std::io::Error) -> anyhow::Error {
     Failure::with(exit, anyhow!("{}: cannot be read: {error}", folder.display()))
 }
 
-/// `2026-11-22T09:14:19.012345Z bigmag-planar cycle 1234: active -> safe-stop: no fresh poses (cause 200)`.
-fn words(entry: &Entry) -> String {
-    let cycle = entry.cycle.map_or(String::new(), |cycle| format!(" cycle {cycle}"));
-    let mut words = format!("{} {}{cycle}: ", entry.time, entry.rig);
-    let (from, to) = (entry.from.as_deref(), entry.to.as_deref().unwrap_or("unknown"));
-    words += &match entry.event.as_str() {
-        event::TRANSITION => format!("{} -> {to}", from.unwrap_or("unknown")),
-        event::GIVEN_UP => "target given up".to_owned(),
-        event::REFUSED => format!("{} refused", entry.request.as_deref().unwrap_or("request")),
-        event::STOP => format!("ended {to}"),
-        event::FLIGHT => format!("flight {}", entry.file.as_deref().unwrap_or("")),
-        other => other.to_owned(),
-    };
-    if let (Some(cause), Some(code)) = (&entry.cause, entry.cause_code) {
-        words += &format!(": {cause} (cause {code})");
-    }
-    // A flight's details say again what its cause says.
-    if let Some(detail) = entry.detail.as_ref().filter(|_| entry.event != event::FLIGHT) {
-        words += &format!("; {detail}");
-    }
-    words
-}
-
 #[cfg(test)]
 mod tests {
-    use magsteer::daemon::recorder::{Entry, event};
-
-    use super::{RECORDINGS, words};
+    use super::RECORDINGS;
 
     #[test]
     fn the_folder_is_that_of_the_shipped_configuration() {
         let shipped = include_str!("../../config/bigmag-planar.toml");
         assert!(shipped.contains(&format!("folder = \"{RECORDINGS}\"")));
-    }
-
-    #[test]
-    fn an_event_is_one_line_with_its_cause() {
-        let entry = Entry {
-            time: "T".to_owned(),
-            rig: "rig".to_owned(),
-            cycle: Some(7),
-            event: event::TRANSITION.to_owned(),
-            from: Some("active".to_owned()),
-            to: Some("safe-stop".to_owned()),
-            cause_code: Some(200),
-            cause: Some("no fresh poses".to_owned()),
-            detail: Some("magnet 1 was not seen".to_owned()),
-            ..Entry::default()
-        };
-        let line = "T rig cycle 7: active -> safe-stop: no fresh poses (cause 200); magnet 1 was not seen";
-        assert_eq!(words(&entry), line);
     }
 }

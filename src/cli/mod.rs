@@ -58,6 +58,12 @@ mod sim_plant;
 mod soak;
 mod status;
 mod target;
+#[cfg(feature = "top")]
+mod top;
 mod tune;
+#[cfg(any(feature = "top", feature = "web"))]
+mod viewing;
+#[cfg(feature = "web")]
+mod web;
 
 pub use command::run;

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use magsteer_hal::message::Header;
+use magsteer_hal::message::{Header, MAGNETS_MAX, PoseMessage};
 use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, recorder, state, verdict};
 use magsteer_hal::{HardwareDescription, Stamp};
 
@@ -18,6 +18,7 @@ const RATE_WINDOW: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct StatusView {
     rate_hz: f64,
+    description_fingerprint: u64,
     magnet_count: u32,
     coil_count: u32,
     pose_parameter_count: u32,
@@ -40,6 +41,7 @@ impl StatusView {
         let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
         Self {
             rate_hz,
+            description_fingerprint: description.fingerprint(),
             magnet_count: count(description.magnets().count()),
             coil_count: count(description.coils.len()),
             pose_parameter_count: count(description.frames.len()),
@@ -142,6 +144,8 @@ impl StatusView {
             desired_direction: outcome.desired,
             measured_direction: outcome.measured,
             predicted_direction: outcome.predicted,
+            measured_position_m: positions(record.input.pose.as_ref()),
+            description_fingerprint: self.description_fingerprint,
             measured: record.input.measured,
             admitted: record.admitted,
         };
@@ -150,6 +154,16 @@ impl StatusView {
         }
         Some(message)
     }
+}
+
+/// Centres of the magnets that were seen; zero for the others.
+fn positions(poses: Option<&PoseMessage>) -> [[f64; 3]; MAGNETS_MAX] {
+    let mut positions = [[0.0; 3]; MAGNETS_MAX];
+    let seen = poses.iter().flat_map(|poses| poses.magnets.iter().take(poses.magnet_count as usize));
+    for (position, magnet) in positions.iter_mut().zip(seen).filter(|(_, magnet)| magnet.valid == 1) {
+        *position = magnet.position_m;
+    }
+    positions
 }
 
 const fn verdict_code(known: &Verdict) -> u32 {

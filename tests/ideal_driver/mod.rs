@@ -10,6 +10,9 @@ use magsteer_hal::{
     CoilFeedback, CommandGuard, HardwareDescription, MagnetPose, POSE_PARAMETERS_MAX, PoseMessage, Stamp,
 };
 
+/// Where it sees every magnet, m.
+pub const POSITION_M: [f64; 3] = [0.001, -0.002, 0.003];
+
 /// A driver in a thread of its own, until ended.
 pub struct Driver {
     stop: Arc<AtomicBool>,
@@ -48,7 +51,8 @@ fn drive(
     let magnet_count = u32::try_from(description.magnets().count()).expect("a few");
     let mut end = DriverEnd::create(endpoint).expect("the root is this test's own");
     let mut guard = CommandGuard::new(description, &[0.0; POSE_PARAMETERS_MAX]);
-    let upright = MagnetPose { orientation_xyzw: [0.0, 0.0, 0.0, 1.0], valid: 1, ..MagnetPose::default() };
+    let orientation_xyzw = [0.0, 0.0, 0.0, 1.0];
+    let upright = MagnetPose { position_m: POSITION_M, orientation_xyzw, valid: 1, ..MagnetPose::default() };
     while !stop.load(Ordering::Relaxed) {
         let now = Stamp::now();
         if let Some(command) = end.take_command(now) {

@@ -118,6 +118,8 @@ fn layouts() -> String {
             desired_direction,
             measured_direction,
             predicted_direction,
+            measured_position_m,
+            description_fingerprint,
             measured,
             admitted,
         }
@@ -247,7 +249,7 @@ mod tests {
                 40 + 568 + 440 + 2 * 24 + 272 + 2 * 24 + 3 * 264 + 4 * 192 + 2 * 320 + 14 * 8 + 40 + 30 * 4,
             ),
             ("RecordBatch", 48 + 3 * 8 + 4 * 4 + 8 * 3888),
-            ("StatusMessage", 48 + 8 + 10 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 4 * 192 + 2 * 320),
+            ("StatusMessage", 48 + 8 + 10 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 5 * 192 + 8 + 2 * 320),
         ];
         let text = layouts();
         for (name, size) in sizes {
