@@ -9,6 +9,7 @@
 //! (message field, TOML key) its unit is the last word of its name. Quaternions are x, y, z, w.
 //! What is absent: nothing here knows a field model, a rod or a control law.
 
+pub mod binding;
 pub mod channels;
 pub mod config;
 pub mod conformance;
