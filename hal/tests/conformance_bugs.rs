@@ -20,7 +20,7 @@ const PERIOD: Duration = Duration::from_millis(1);
 /// Of the amplifiers.
 const TIME_CONSTANT_S: f64 = 0.002;
 /// Rigs that two cores can run beside each other.
-const AT_ONCE: usize = 6;
+const AT_ONCE: usize = 7;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Bug {

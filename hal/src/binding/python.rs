@@ -7,7 +7,7 @@ use crate::channels::endpoint::{ROOT_LENGTH_MAX, TRANSPORT_VERSION};
 use crate::channels::service::{COMMAND, FEEDBACK, POSE, REQUEST, STATUS, TARGET_SET, TopicSettings};
 use crate::guard::{SLEW_JITTER, VALIDITY_MAX};
 use crate::message::{COILS_MAX, MAGNETS_MAX, POSE_PARAMETERS_MAX, SCHEMA, driver_state, order};
-use crate::operator::{state, verb};
+use crate::operator::{Cause, state, verb};
 use crate::receive::FUTURE_TOLERANCE;
 
 /// Requests about faults are no business of a driver in another language.
@@ -103,6 +103,12 @@ fn codes(text: &mut String) {
     let names: Vec<String> =
         (state::BOOT..=state::FAULT).map(|code| format!("\"{}\"", state::name(code))).collect();
     line(text, format_args!("STATE_NAMES = [{}]", names.join(", ")));
+    line(text, format_args!("\n# Words for the causes of refusals and stops, by code."));
+    line(text, format_args!("CAUSES = {{"));
+    for cause in Cause::ALL {
+        line(text, format_args!("    {}: \"{}\",", *cause as u32, cause.text()));
+    }
+    line(text, format_args!("}}"));
 }
 
 fn services(text: &mut String) {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::clause::Clause;
 use super::finding::{Outcome, found, not_tried};
 use super::harness::{Heard, Rig};
-use super::trial::{CYCLE, cycles, median_interval, milliseconds, require};
+use super::trial::{CYCLE, median_interval, milliseconds, require};
 use crate::description::HardwareDescription;
 use crate::hardware::Absent;
 use crate::message::{CoilFeedback, Header, PoseMessage, SCHEMA, driver_state};
@@ -72,10 +72,8 @@ fn hear<R: Rig>(rig: &mut R) -> Option<Heard> {
     // What was said before may have been said by a former driver.
     rig.heard()?;
     let mut all = Heard::default();
-    for _ in 0..cycles(LISTEN) / 10 {
-        if rig.is_interrupted() {
-            break;
-        }
+    let start = rig.now();
+    while rig.now().since(start) < LISTEN && !rig.is_interrupted() {
         rig.advance(CYCLE * 10);
         let heard = rig.heard()?;
         all.feedback.extend(heard.feedback);

@@ -98,11 +98,12 @@ impl RunningHardware {
 
     /// Takes everything that arrived.
     fn pump(&mut self) {
-        let now = Stamp::now();
         let Self { end, pose, feedback, sensed, heard, longest_gap, last_feedback, .. } = self;
         end.drain(
-            now,
+            Stamp::now(),
             |message| {
+                // Its own moment for each: one may be published while another is taken.
+                let now = Stamp::now();
                 let reading = feedback.receive(Some(message), now);
                 let fresh = sensed.feedback.fresh || reading.fresh;
                 sensed.feedback = Reading { fresh, ..reading };
@@ -111,6 +112,7 @@ impl RunningHardware {
                 heard.feedback.push((*message, now));
             },
             |message| {
+                let now = Stamp::now();
                 let reading = pose.receive(Some(message), now);
                 let fresh = sensed.pose.fresh || reading.fresh;
                 sensed.pose = Reading { fresh, ..reading };

@@ -92,7 +92,7 @@ fn sweep_currents<R: Rig>(rig: &mut R) -> Result<Vec<Response>, String> {
         let mut wanted = zero;
         wanted.current_a[coil] = effort.current_a[coil];
         trial.drive_to(&wanted)?;
-        let mean = trial.mean(&wanted, |feedback| &feedback.measured.current_a[..coils])?;
+        let mean = trial.mean(&wanted, |feedback| feedback.measured.current_a[..coils].to_vec())?;
         responses.push(Response {
             channel: coil,
             commanded: wanted.current_a[coil],
@@ -119,9 +119,12 @@ fn sweep_angles<R: Rig>(rig: &mut R) -> Result<Vec<Response>, String> {
         let mut wanted = home;
         wanted.angle_rad[index] += turn;
         let time = Duration::from_secs_f64(turn.abs() / frame.speed_max) + trial.rig.angle_settling();
+        let angles = |feedback: &CoilFeedback| feedback.measured.angle_rad[..frames.len()].to_vec();
+        trial.turn_to(&home, index, time)?;
+        let before = trial.mean(&home, angles)?;
         trial.turn_to(&wanted, index, time)?;
-        let mean = trial.mean(&wanted, |feedback| &feedback.measured.angle_rad[..frames.len()])?;
-        let measured = mean.iter().zip(&home.angle_rad).map(|(angle, home)| angle - home).collect();
+        let after = trial.mean(&wanted, angles)?;
+        let measured = after.iter().zip(&before).map(|(after, before)| after - before).collect();
         let tolerance = trial.rig.angle_tolerance();
         responses.push(Response { channel: index, commanded: turn, measured, tolerance });
         trial.turn_to(&home, index, time)?;
@@ -148,13 +151,13 @@ impl<R: Rig> Trial<'_, R> {
     fn mean(
         &mut self,
         wanted: &Actuation,
-        values: impl Fn(&CoilFeedback) -> &[f64],
+        values: impl Fn(&CoilFeedback) -> Vec<f64>,
     ) -> Result<Vec<f64>, String> {
         let mut sums: Vec<f64> = Vec::new();
         for _ in 0..MEAN_OF {
-            let feedback = self.drive(wanted)?;
-            sums.resize(values(&feedback).len(), 0.0);
-            for (sum, value) in sums.iter_mut().zip(values(&feedback)) {
+            let values = values(&self.drive(wanted)?);
+            sums.resize(values.len(), 0.0);
+            for (sum, value) in sums.iter_mut().zip(values) {
                 *sum += value;
             }
         }
