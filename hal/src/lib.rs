@@ -14,6 +14,7 @@ pub mod channels;
 pub mod config;
 pub mod conformance;
 pub mod description;
+pub mod driver;
 pub mod fault;
 pub mod gate;
 pub mod guard;
@@ -28,6 +29,7 @@ mod seeded;
 pub mod send;
 pub mod shape;
 pub mod time;
+pub mod udp;
 
 pub use description::HardwareDescription;
 pub use gate::{Admitted, AdmittedCommand, Authority, Gate, Limited, Refused};

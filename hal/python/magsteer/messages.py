@@ -56,6 +56,48 @@ class Verb:
 # Words for StatusMessage.state, by code.
 STATE_NAMES = ["boot", "idle", "armed", "active", "holding", "safe-stop", "fault"]
 
+# Words for the causes of refusals and stops, by code.
+CAUSES = {
+    1: "not possible in this state",
+    2: "unknown request",
+    3: "the target needs one unit direction a magnet of the rig, and frame angles within their ranges if any",
+    4: "another request is under way",
+    5: "real-time scheduling is enforced by the configuration but was not granted",
+    6: "the driver did not confirm authority in time",
+    7: "the driver is not idle at zero current",
+    8: "the daemon is ending",
+    9: "the rod would snap through on the way to the target",
+    10: "on the way to the target a magnet would leave the field model's range",
+    11: "held close to a snap-through until another target is set",
+    20: "this daemon has no records to write",
+    100: "stopped by the operator",
+    101: "the process was asked to end",
+    200: "no fresh poses",
+    201: "the model found no equilibrium",
+    202: "a magnet lies outside the field model's range",
+    203: "the loop missed too many periods",
+    204: "no fresh feedback from the driver",
+    205: "the driver runs another description of the rig",
+    206: "commands could not be sent",
+    207: "the controller asked for a value that is not finite",
+    208: "the driver no longer obeys this daemon",
+    209: "the pose sensor restarted",
+    210: "measured poses and the model disagree",
+    211: "currents or angles do not follow commands",
+    212: "the rod is not stable where the model has it",
+    213: "magnets are seen outside of the workspace",
+    214: "measured poses move faster than the rod can",
+    215: "a coil does not carry the current that it is asked for: open circuit",
+    216: "a coil is too hot by the current that it carried",
+    217: "the model stays away from what is measured",
+    218: "the controller makes no progress towards its target",
+    300: "the driver did not report zero current in time",
+    301: "the driver cut its amplifiers",
+    302: "the driver reports a fault",
+    303: "a measured current lies beyond its limit",
+    304: "emergency stop",
+}
+
 # Publish-subscribe services: what each is opened with.
 SERVICES = {
     "pose": {"history": 1, "buffer": 64, "publishers": 8, "subscribers": 8, "nodes": 20},

@@ -155,7 +155,18 @@ pub(crate) fn schema_hash() -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
+    use iceoryx2::prelude::{Node, PortFactory, ipc};
+
+    use super::super::service::{
+        COMMAND, FEEDBACK, POSE, Payload, REQUEST, STATUS, TopicSettings, create_requests, create_topic,
+    };
+    use super::super::{Endpoint, PrivateRoot};
     use super::{schema_hash, text};
+    use crate::binding::type_names;
+    use crate::message::{CoilCommand, CoilFeedback, PoseMessage};
+    use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage};
 
     #[test]
     fn layouts_have_no_implicit_padding() {
@@ -180,6 +191,31 @@ mod tests {
             assert!(text.contains(&format!("\n{name} {size} 8 ")), "{name}: expected {size} in\n{text}");
         }
         assert!(text.contains("\nFaultAnswer 16 4 "), "{text}");
+    }
+
+    /// Goal: the names that other languages are told are those that the transport compares.
+    #[test]
+    fn told_type_names_are_those_of_the_services() {
+        let root = PrivateRoot::create("magsteer-test").expect("a root");
+        let endpoint = root.endpoint("rig").expect("a name");
+        let node = endpoint.join(Duration::ZERO).expect("a node").node;
+        fn name<T: Payload>(node: &Node<ipc::Service>, endpoint: &Endpoint, topic: TopicSettings) -> String {
+            let topic = create_topic::<T>(node, endpoint, topic).expect("a topic");
+            topic.static_config().message_type_details().payload.type_name().to_string()
+        }
+        let requests = create_requests::<OperatorRequest, OperatorAnswer>(&node, &endpoint, REQUEST);
+        let requests = requests.expect("a service");
+        let details = requests.static_config();
+        let found = [
+            ("PoseMessage", name::<PoseMessage>(&node, &endpoint, POSE)),
+            ("CoilCommand", name::<CoilCommand>(&node, &endpoint, COMMAND)),
+            ("CoilFeedback", name::<CoilFeedback>(&node, &endpoint, FEEDBACK)),
+            ("OperatorRequest", details.request_message_type_details().payload.type_name().to_string()),
+            ("OperatorAnswer", details.response_message_type_details().payload.type_name().to_string()),
+            ("StatusMessage", name::<StatusMessage>(&node, &endpoint, STATUS)),
+        ];
+        let told = type_names().map(|(message, name)| (message, name.to_owned()));
+        assert_eq!(found, told);
     }
 
     #[test]

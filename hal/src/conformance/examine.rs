@@ -46,7 +46,7 @@ impl Stage {
 }
 
 /// Runs of a clause in which the suite or the driver was held up by the machine are repeated so often.
-const ATTEMPTS_MAX: u32 = 3;
+const ATTEMPTS_MAX: u32 = 5;
 
 /// Tries every clause on a fresh rig each, made by `make`. Nothing found means that the contract is kept as far as
 /// the harness lets it be tried.

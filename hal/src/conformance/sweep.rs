@@ -9,8 +9,8 @@ use std::time::Duration;
 use super::clause::Clause;
 use super::finding::{Outcome, found, not_tried};
 use super::harness::Rig;
-use super::trial::{Trial, cycles, require};
-use crate::message::{Actuation, CoilFeedback};
+use super::trial::{Trial, cycles, require, require_state};
+use crate::message::{Actuation, CoilFeedback, driver_state};
 
 /// How far a frame is turned, unless its range is too small.
 const TURN_DEG: f64 = 5.0;
@@ -137,7 +137,7 @@ impl<R: Rig> Trial<'_, R> {
     fn turn_to(&mut self, wanted: &Actuation, frame: usize, time: Duration) -> Result<(), String> {
         let mut settled = 0;
         for _ in 0..cycles(time) + MEAN_OF as u128 {
-            let feedback = self.drive(wanted)?;
+            let feedback = self.drive_on(wanted)?;
             let off = (feedback.measured.angle_rad[frame] - wanted.angle_rad[frame]).abs();
             settled = if off <= self.rig.angle_tolerance() { settled + 1 } else { 0 };
             if settled > MEAN_OF {
@@ -145,6 +145,13 @@ impl<R: Rig> Trial<'_, R> {
             }
         }
         Ok(())
+    }
+
+    /// One driven cycle; without authority what is measured says nothing.
+    fn drive_on(&mut self, wanted: &Actuation) -> Result<CoilFeedback, String> {
+        let feedback = self.drive(wanted)?;
+        require_state(&feedback, driver_state::DRIVEN)?;
+        Ok(feedback)
     }
 
     /// Mean of some messages while `wanted` is commanded.
@@ -155,7 +162,7 @@ impl<R: Rig> Trial<'_, R> {
     ) -> Result<Vec<f64>, String> {
         let mut sums: Vec<f64> = Vec::new();
         for _ in 0..MEAN_OF {
-            let values = values(&self.drive(wanted)?);
+            let values = values(&self.drive_on(wanted)?);
             sums.resize(values.len(), 0.0);
             for (sum, value) in sums.iter_mut().zip(values) {
                 *sum += value;

@@ -89,7 +89,8 @@ fn await_lapse<R: Rig>(trial: &mut Trial<'_, R>) -> Result<Lapse, String> {
         let from = trial.trace.len();
         trial.pass(CYCLE)?;
         for feedback in &trial.trace[from..] {
-            let stamp = feedback.header.source_stamp();
+            // What a driver says of its state is true when it says so; what it measured may be older.
+            let stamp = Stamp::from_nanoseconds(feedback.header.publish_stamp_ns);
             if stamp <= sent {
                 continue;
             }
@@ -97,7 +98,7 @@ fn await_lapse<R: Rig>(trial: &mut Trial<'_, R>) -> Result<Lapse, String> {
                 last_driven = stamp;
                 continue;
             }
-            return lapse(feedback, sent, deadline, last_driven, trial.feedback_period());
+            return lapse(stamp, sent, deadline, last_driven, trial.feedback_period());
         }
     }
     Err(format!(
@@ -108,15 +109,15 @@ fn await_lapse<R: Rig>(trial: &mut Trial<'_, R>) -> Result<Lapse, String> {
 }
 
 fn lapse(
-    feedback: &CoilFeedback,
+    lost: Stamp,
     sent: Stamp,
     deadline: Stamp,
     last_driven: Stamp,
     period: Duration,
 ) -> Result<Lapse, String> {
-    let after = feedback.header.source_stamp().since(sent);
+    let after = lost.since(sent);
     let validity = milliseconds(deadline.since(sent));
-    require(feedback.header.source_stamp().after(GRACE) >= deadline, || {
+    require(lost.after(GRACE) >= deadline, || {
         format!(
             "authority lost {:.1} ms after the last command, valid for {validity:.0} ms",
             milliseconds(after)

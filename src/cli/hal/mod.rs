@@ -3,6 +3,8 @@
 mod bindings;
 mod conformance;
 mod describe;
+mod new;
+mod udp_driver;
 
 use std::path::Path;
 
@@ -12,9 +14,11 @@ use clap::{Args, Subcommand};
 use self::bindings::Bindings;
 use self::conformance::Conformance;
 use self::describe::Describe;
+use self::new::New;
+use self::udp_driver::UdpDriver;
 use super::exit::{Exit, Failure};
 
-/// Tools for whoever writes a driver: check a running one, describe a rig to one.
+/// Tools for whoever writes a driver: a template, a rig's numbers, the check of a running one.
 #[derive(Debug, Args)]
 pub struct Hal {
     #[command(subcommand)]
@@ -26,6 +30,8 @@ enum Command {
     Conformance(Conformance),
     Describe(Describe),
     Bindings(Bindings),
+    New(New),
+    UdpDriver(UdpDriver),
 }
 
 impl Hal {
@@ -34,6 +40,8 @@ impl Hal {
             Command::Conformance(command) => command.run(),
             Command::Describe(command) => command.run(),
             Command::Bindings(command) => command.run(),
+            Command::New(command) => command.run(),
+            Command::UdpDriver(command) => command.run(),
         }
     }
 }
