@@ -9,10 +9,12 @@
 //! (message field, TOML key) its unit is the last word of its name. Quaternions are x, y, z, w.
 //! What is absent: nothing here knows a field model, a rod or a control law.
 
+pub mod binding;
 pub mod channels;
 pub mod config;
 pub mod conformance;
 pub mod description;
+pub mod driver;
 pub mod fault;
 pub mod gate;
 pub mod guard;
@@ -28,6 +30,7 @@ mod seeded;
 pub mod send;
 pub mod shape;
 pub mod time;
+pub mod udp;
 
 pub use description::HardwareDescription;
 pub use gate::{Admitted, AdmittedCommand, Authority, Gate, Limited, Refused};

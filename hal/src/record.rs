@@ -110,8 +110,8 @@ pub struct TargetMessage {
     pub angle_rad: [f64; POSE_PARAMETERS_MAX],
     /// 1 when the target names frame angles.
     pub names_angles: u32,
-    /// Reserved, zero.
-    pub reserved: u32,
+    /// For one of a stream of targets, how long it is valid without a newer one; 0 for a target that stays.
+    pub valid_ms: u32,
 }
 
 /// The request that a cycle took.

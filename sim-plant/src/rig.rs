@@ -4,7 +4,7 @@
 //! that drives a real rig runs in lockstep, as fast as the machine allows and the same every time.
 //! The first read starts the clock and finds nothing.
 
-use magsteer_hal::conformance::Stepped;
+use magsteer_hal::conformance::{Spoil, Stepped};
 use magsteer_hal::fault::Injector;
 use magsteer_hal::scripted::Loopback;
 use magsteer_hal::{
@@ -101,5 +101,12 @@ impl Stepped for SimulatedRig {
 
     fn inject_feedback(&mut self, message: CoilFeedback) {
         self.loopback.inject_feedback(message);
+    }
+
+    fn write_spoilt(&mut self, command: &AdmittedCommand, now: Stamp, spoil: Spoil<'_>) -> bool {
+        let mut message = self.loopback.command(command, now);
+        spoil(&mut message, now);
+        let _ = self.plant.offer(&message, now);
+        true
     }
 }

@@ -15,6 +15,8 @@ fn lockstep_rig() -> SteppedRig<SimulatedRig> {
     let hardware = SimulatedRig::new(plant, &description);
     // 200 Hz: fifteen time constants leave 2 A a factor of 3e-7.
     SteppedRig::new(description, hardware, Duration::from_millis(15))
+        // A motor starts and stops within half a second; encoders have steps of 0.01 degrees.
+        .with_frames(Duration::from_millis(500), 0.05_f64.to_radians())
 }
 
 #[test]

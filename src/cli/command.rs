@@ -13,6 +13,7 @@ use super::events::Events;
 use super::exit::Exit;
 use super::fault::Fault;
 use super::field::Field;
+use super::hal::Hal;
 use super::operator::RequestArgs;
 use super::output;
 use super::plan::Plan;
@@ -88,6 +89,7 @@ pub enum Command {
     /// Cut the amplifiers at once; a hardware stop stays primary.
     Estop(RequestArgs),
     Fault(Fault),
+    Hal(Hal),
     Check(Check),
     Doctor(Doctor),
     Field(Field),
@@ -128,6 +130,7 @@ impl Command {
             Self::Reset(request) => request.run(verb::RESET),
             Self::Estop(request) => request.run(verb::ESTOP),
             Self::Fault(command) => command.run(),
+            Self::Hal(command) => command.run(),
             Self::Check(command) => command.run(),
             Self::Doctor(command) => command.run(),
             Self::Field(command) => command.run(),

@@ -24,6 +24,7 @@ mod field;
     expect(dead_code, reason = "pictures of demonstrations and campaigns are not drawn")
 )]
 mod figures;
+mod hal;
 #[cfg(feature = "sim")]
 mod managed;
 mod operator;

@@ -97,7 +97,13 @@ pub fn taken_request(message: &RequestMessage) -> Option<Request> {
         verb::STOP => Verb::Stop,
         verb::RESET => Verb::Reset,
         verb::ESTOP => Verb::EmergencyStop,
-        verb::SET_TARGET => Verb::SetTarget(reference_target(&message.target)),
+        verb::SET_TARGET if message.target.valid_ms == 0 => {
+            Verb::SetTarget(reference_target(&message.target))
+        }
+        verb::SET_TARGET => {
+            let valid = Duration::from_millis(message.target.valid_ms.into());
+            Verb::StreamTarget(reference_target(&message.target), valid)
+        }
         own_verb::TERMINATE => Verb::Terminate,
         _ => return None,
     };
@@ -123,6 +129,11 @@ fn request_message(request: &Request) -> RequestMessage {
         Verb::SetTarget(target) => {
             RequestMessage { target: target_message(target), ..plain(verb::SET_TARGET) }
         }
+        Verb::StreamTarget(target, valid) => {
+            let valid_ms = u32::try_from(valid.as_millis()).unwrap_or(u32::MAX);
+            let target = TargetMessage { valid_ms, ..target_message(target) };
+            RequestMessage { target, ..plain(verb::SET_TARGET) }
+        }
     }
 }
 
@@ -131,7 +142,7 @@ fn target_message(target: &ReferenceTarget) -> TargetMessage {
         direction: target.directions,
         angle_rad: target.frame_angles.unwrap_or_default(),
         names_angles: target.frame_angles.is_some().into(),
-        reserved: 0,
+        valid_ms: 0,
     }
 }
 
@@ -221,6 +232,7 @@ mod tests {
             Verb::EmergencyStop,
             Verb::SetTarget(target),
             Verb::SetTarget([[0.0, 0.0, 1.0]; 8].into()),
+            Verb::StreamTarget(target, Duration::from_millis(200)),
         ];
         for (id, verb) in (7..).zip(verbs) {
             let request = Request { id, verb };

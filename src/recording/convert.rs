@@ -58,6 +58,7 @@ impl Cycle {
             request_id: it.request.id,
             request_target: if has_target { vectors(&it.request.target.direction) } else { Vec::new() },
             request_target_rad: angles(&it.request.target),
+            request_valid_ms: it.request.target.valid_ms,
             answer_id: answers().map(|answer| answer.id).collect(),
             answer_cause: answers().map(|answer| answer.cause).collect(),
             target_accepted: it.target_accepted,
@@ -198,6 +199,7 @@ impl Cycle {
     pub fn request(&self) -> RequestMessage {
         let mut target = TargetMessage {
             names_angles: u32::from(!self.request_target_rad.is_empty()),
+            valid_ms: self.request_valid_ms,
             ..TargetMessage::default()
         };
         copy(&mut target.direction, &self.request_target);

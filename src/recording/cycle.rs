@@ -128,6 +128,8 @@ cycle! {
     request_target: Vec<[f64; 3]> = Magnet,
     /// Its frame angles; empty when it names none.
     request_target_rad: Vec<f64> = Frame,
+    /// For one of a stream of targets, how long it is valid without a newer one, ms; 0 for a target that stays.
+    request_valid_ms: u32 = Cycle,
     /// Numbers of the requests answered.
     answer_id: Vec<u32> = Answer,
     /// Cause codes of their refusal, 0 when done.

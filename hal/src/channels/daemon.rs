@@ -19,11 +19,11 @@ use crate::time::Stamp;
 /// The daemon's topics, opened but not yet joined: may move to the thread of the control loop.
 #[derive(Debug)]
 pub struct DaemonServices {
-    lock: RoleLock,
-    membership: Membership,
-    pose: Topic<PoseMessage>,
-    feedback: Topic<CoilFeedback>,
-    command: Topic<CoilCommand>,
+    pub(super) lock: RoleLock,
+    pub(super) membership: Membership,
+    pub(super) pose: Topic<PoseMessage>,
+    pub(super) feedback: Topic<CoilFeedback>,
+    pub(super) command: Topic<CoilCommand>,
 }
 
 impl DaemonServices {

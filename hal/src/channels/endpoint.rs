@@ -22,10 +22,10 @@ use super::service::retried;
 pub const ROOT_VARIABLE: &str = "MAGSTEER_ROOT";
 
 /// The transport's sockets and file names leave this much for the root, bytes.
-const ROOT_LENGTH_MAX: usize = 65;
+pub(crate) const ROOT_LENGTH_MAX: usize = 65;
 
 /// The transport's version stands in every file name: two versions must never share a segment.
-const TRANSPORT_VERSION: &str = "0100";
+pub(crate) const TRANSPORT_VERSION: &str = "0100";
 
 /// A rig and the root directory under which its channels meet.
 ///

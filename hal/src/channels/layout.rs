@@ -5,6 +5,7 @@ use std::mem::{align_of, offset_of, size_of};
 
 use sha2::{Digest, Sha256};
 
+use crate::binding::{Field, HasKind, Kind, Layout};
 use crate::fault::{FaultAnswer, FaultRequest};
 use crate::message::{Actuation, CoilCommand, CoilFeedback, Header, MagnetPose, PoseMessage, SCHEMA};
 use crate::operator::{
@@ -15,32 +16,45 @@ use crate::record::{
     TickMessage,
 };
 
-/// Renders name, size, alignment and every field's offset. The destructuring stops the build when a field is missing.
+/// Takes down name, size, alignment and every field's offset and kind. The destructuring stops the build when a field
+/// is missing.
 macro_rules! layout {
-    ($text:ident, $type:ident { $($field:ident),+ $(,)? }) => {
+    ($found:ident, $type:ident { $($field:ident),+ $(,)? }) => {
         let _every_field_is_named = |$type { $($field: _),+ }: $type| ();
-        $text.push_str(&format!("{} {} {}", stringify!($type), size_of::<$type>(), align_of::<$type>()));
-        $($text.push_str(&format!(" {}@{}", stringify!($field), offset_of!($type, $field)));)+
-        $text.push('\n');
+        $found.push(Layout {
+            name: stringify!($type),
+            size: size_of::<$type>(),
+            align: align_of::<$type>(),
+            fields: vec![$(Field {
+                name: stringify!($field),
+                offset: offset_of!($type, $field),
+                kind: kind_of(|value: &$type| &value.$field),
+            }),+],
+        });
     };
 }
 
-/// The layouts of all messages as text.
-fn layouts() -> String {
-    let mut text = format!("schema {SCHEMA}\n");
+/// The kind of what `field` points to.
+fn kind_of<T, F: HasKind>(_field: fn(&T) -> &F) -> Kind {
+    F::kind()
+}
+
+/// The layouts of all messages, parts before what holds them.
+pub(crate) fn layouts() -> Vec<Layout> {
+    let mut found = Vec::new();
     layout!(
-        text,
+        found,
         Header { sequence, source_stamp_ns, publish_stamp_ns, epoch, schema, flags, valid_until_ns }
     );
-    layout!(text, MagnetPose { position_m, orientation_xyzw, valid, reserved });
-    layout!(text, PoseMessage { header, magnet_count, reserved, magnets });
-    layout!(text, Actuation { current_a, angle_rad });
+    layout!(found, MagnetPose { position_m, orientation_xyzw, valid, reserved });
+    layout!(found, PoseMessage { header, magnet_count, reserved, magnets });
+    layout!(found, Actuation { current_a, angle_rad });
     layout!(
-        text,
+        found,
         CoilCommand { header, token, order, coil_count, pose_parameter_count, reserved, actuation }
     );
     layout!(
-        text,
+        found,
         CoilFeedback {
             header,
             accepted_sequence,
@@ -58,16 +72,16 @@ fn layouts() -> String {
         }
     );
     layout!(
-        text,
+        found,
         OperatorRequest { verb, magnet_count, direction, pose_parameter_count, valid_ms, angle_rad }
     );
-    layout!(text, OperatorAnswer { accepted, cause, state, reserved, epoch });
-    layout!(text, FaultRequest { action, target, part, index, verb, kind, lasts_ns, time_ns, value });
-    layout!(text, FaultAnswer { accepted, reason, active, cleared });
-    layout!(text, Quantiles { p50_us, p99_us, p999_us, p9999_us, max_us });
-    layout!(text, PhaseQuantiles { read, control, decide, write, record });
+    layout!(found, OperatorAnswer { accepted, cause, state, reserved, epoch });
+    layout!(found, FaultRequest { action, target, part, index, verb, kind, lasts_ns, time_ns, value });
+    layout!(found, FaultAnswer { accepted, reason, active, cleared });
+    layout!(found, Quantiles { p50_us, p99_us, p999_us, p9999_us, max_us });
+    layout!(found, PhaseQuantiles { read, control, decide, write, record });
     layout!(
-        text,
+        found,
         LoopTiming {
             cycles,
             missed,
@@ -81,7 +95,7 @@ fn layouts() -> String {
         }
     );
     layout!(
-        text,
+        found,
         StatusMessage {
             header,
             state,
@@ -124,14 +138,14 @@ fn layouts() -> String {
             admitted,
         }
     );
-    layout!(text, TickMessage { number, deadline_ns, now_ns, lateness_ns, missed });
-    layout!(text, AbsenceMessage { expected, actual, code, reserved });
-    layout!(text, TargetMessage { direction, angle_rad, names_angles, reserved });
-    layout!(text, RequestMessage { verb, id, target });
-    layout!(text, AnswerMessage { epoch, id, given, cause, state });
-    layout!(text, PhasesMessage { read_ns, control_ns, decide_ns, write_ns, record_ns });
+    layout!(found, TickMessage { number, deadline_ns, now_ns, lateness_ns, missed });
+    layout!(found, AbsenceMessage { expected, actual, code, reserved });
+    layout!(found, TargetMessage { direction, angle_rad, names_angles, valid_ms });
+    layout!(found, RequestMessage { verb, id, target });
+    layout!(found, AnswerMessage { epoch, id, given, cause, state });
+    layout!(found, PhasesMessage { read_ns, control_ns, decide_ns, write_ns, record_ns });
     layout!(
-        text,
+        found,
         CycleMessage {
             tick,
             pose,
@@ -197,7 +211,7 @@ fn layouts() -> String {
         }
     );
     layout!(
-        text,
+        found,
         RecordBatch {
             header,
             begin,
@@ -210,17 +224,41 @@ fn layouts() -> String {
             cycles
         }
     );
+    found
+}
+
+/// The layouts as the hash is taken over them.
+fn text() -> String {
+    let mut text = format!("schema {SCHEMA}\n");
+    for layout in layouts() {
+        text.push_str(&format!("{} {} {}", layout.name, layout.size, layout.align));
+        for field in layout.fields {
+            text.push_str(&format!(" {}@{}", field.name, field.offset));
+        }
+        text.push('\n');
+    }
     text
 }
 
 /// First eight bytes of the SHA-256 of the layouts, in hexadecimal.
-pub(super) fn schema_hash() -> String {
-    Sha256::digest(layouts().as_bytes()).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+pub(crate) fn schema_hash() -> String {
+    Sha256::digest(text().as_bytes()).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{layouts, schema_hash};
+    use std::time::Duration;
+
+    use iceoryx2::prelude::{Node, PortFactory, ipc};
+
+    use super::super::service::{
+        COMMAND, FEEDBACK, POSE, Payload, REQUEST, STATUS, TopicSettings, create_requests, create_topic,
+    };
+    use super::super::{Endpoint, PrivateRoot};
+    use super::{schema_hash, text};
+    use crate::binding::type_names;
+    use crate::message::{CoilCommand, CoilFeedback, PoseMessage};
+    use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage};
 
     #[test]
     fn layouts_have_no_implicit_padding() {
@@ -251,11 +289,36 @@ mod tests {
             ("RecordBatch", 48 + 3 * 8 + 4 * 4 + 8 * 3888),
             ("StatusMessage", 48 + 8 + 10 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 5 * 192 + 8 + 2 * 320),
         ];
-        let text = layouts();
+        let text = text();
         for (name, size) in sizes {
             assert!(text.contains(&format!("\n{name} {size} 8 ")), "{name}: expected {size} in\n{text}");
         }
         assert!(text.contains("\nFaultAnswer 16 4 "), "{text}");
+    }
+
+    /// Goal: the names that other languages are told are those that the transport compares.
+    #[test]
+    fn told_type_names_are_those_of_the_services() {
+        let root = PrivateRoot::create("magsteer-test").expect("a root");
+        let endpoint = root.endpoint("rig").expect("a name");
+        let node = endpoint.join(Duration::ZERO).expect("a node").node;
+        fn name<T: Payload>(node: &Node<ipc::Service>, endpoint: &Endpoint, topic: TopicSettings) -> String {
+            let topic = create_topic::<T>(node, endpoint, topic).expect("a topic");
+            topic.static_config().message_type_details().payload.type_name().to_string()
+        }
+        let requests = create_requests::<OperatorRequest, OperatorAnswer>(&node, &endpoint, REQUEST);
+        let requests = requests.expect("a service");
+        let details = requests.static_config();
+        let found = [
+            ("PoseMessage", name::<PoseMessage>(&node, &endpoint, POSE)),
+            ("CoilCommand", name::<CoilCommand>(&node, &endpoint, COMMAND)),
+            ("CoilFeedback", name::<CoilFeedback>(&node, &endpoint, FEEDBACK)),
+            ("OperatorRequest", details.request_message_type_details().payload.type_name().to_string()),
+            ("OperatorAnswer", details.response_message_type_details().payload.type_name().to_string()),
+            ("StatusMessage", name::<StatusMessage>(&node, &endpoint, STATUS)),
+        ];
+        let told = type_names().map(|(message, name)| (message, name.to_owned()));
+        assert_eq!(found, told);
     }
 
     #[test]

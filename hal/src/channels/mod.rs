@@ -16,19 +16,20 @@
 
 mod daemon;
 mod driver;
-mod endpoint;
+pub(crate) mod endpoint;
 mod error;
 mod fault;
-mod layout;
+pub(crate) mod layout;
 mod leftovers;
 mod lock;
 mod membership;
 mod operator;
 mod ports;
 mod private_root;
+mod probe;
 mod record;
 mod requests;
-mod service;
+pub(crate) mod service;
 
 pub use daemon::{DaemonEnd, DaemonServices};
 pub use driver::{DriverEnd, DriverServices};
@@ -38,4 +39,5 @@ pub use fault::FaultClient;
 pub use leftovers::{Cleared, Leftovers};
 pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServices, TruthObserver};
 pub use private_root::PrivateRoot;
+pub use probe::ProbeEnd;
 pub use record::{RecordLoss, RecordObserver};

@@ -46,34 +46,41 @@ const HUNG_TIME: Duration = Duration::from_millis(500);
 /// its place taken until the service itself ends, and must not lock out its follower. That there is one publisher
 /// is kept by the role locks and checked by [`super::ports::Outlet::sole`].
 #[derive(Debug, Clone, Copy)]
-pub(super) struct TopicSettings {
-    pub(super) channel: &'static str,
+pub(crate) struct TopicSettings {
+    pub(crate) channel: &'static str,
     /// Messages kept for a subscriber that joins late.
-    pub(super) history: usize,
+    pub(crate) history: usize,
     /// Longest queue of a subscriber.
-    pub(super) buffer: usize,
-    pub(super) publishers: usize,
-    pub(super) subscribers: usize,
+    pub(crate) buffer: usize,
+    pub(crate) publishers: usize,
+    pub(crate) subscribers: usize,
 }
 
-pub(super) const POSE: TopicSettings =
+impl TopicSettings {
+    /// Processes that may have the service open.
+    pub(crate) const fn nodes(self) -> usize {
+        self.publishers + self.subscribers + 4
+    }
+}
+
+pub(crate) const POSE: TopicSettings =
     TopicSettings { channel: "pose", history: 1, buffer: 64, publishers: 8, subscribers: 8 };
-pub(super) const FEEDBACK: TopicSettings =
+pub(crate) const FEEDBACK: TopicSettings =
     TopicSettings { channel: "coil/feedback", history: 1, buffer: 64, publishers: 8, subscribers: 8 };
 /// No history: a command for a former driver must not reach the next one.
-pub(super) const COMMAND: TopicSettings =
+pub(crate) const COMMAND: TopicSettings =
     TopicSettings { channel: "coil/command", history: 0, buffer: 1, publishers: 8, subscribers: 8 };
-pub(super) const TRUTH: TopicSettings =
+pub(crate) const TRUTH: TopicSettings =
     TopicSettings { channel: "sim/truth", history: 1, buffer: 512, publishers: 8, subscribers: 8 };
-pub(super) const STATUS: TopicSettings =
+pub(crate) const STATUS: TopicSettings =
     TopicSettings { channel: "status", history: 1, buffer: 64, publishers: 8, subscribers: 16 };
 
 /// A second of a loop at 1 kHz waits for whoever records it.
-pub(super) const RECORD: TopicSettings =
+pub(crate) const RECORD: TopicSettings =
     TopicSettings { channel: "record", history: 0, buffer: 128, publishers: 8, subscribers: 4 };
 
-pub(super) const REQUEST: &str = "request";
-pub(super) const TARGET_SET: &str = "target/set";
+pub(crate) const REQUEST: &str = "request";
+pub(crate) const TARGET_SET: &str = "target/set";
 /// Served by a driver that allows faults on request, and by no other.
 pub(super) const FAULT: &str = "fault";
 
@@ -95,7 +102,7 @@ pub(super) fn create_topic<T: IceoryxSend + ZeroCopySend + std::fmt::Debug + 'st
             .subscriber_max_borrowed_samples(1)
             .max_publishers(settings.publishers)
             .max_subscribers(settings.subscribers)
-            .max_nodes(settings.publishers + settings.subscribers + 4)
+            .max_nodes(settings.nodes())
             .open_or_create_with_attributes(&attributes)
     })?;
     check_settings(topic, &name, settings)

@@ -1,15 +1,36 @@
-//! What the suite needs of a rig, and what it reports.
+//! What the suite needs of a rig.
 
-use std::fmt;
 use std::time::Duration;
 
 use crate::description::HardwareDescription;
+use crate::gate::AdmittedCommand;
 use crate::hardware::Hardware;
-use crate::message::{CoilFeedback, PoseMessage};
+use crate::message::{CoilCommand, CoilFeedback, PoseMessage};
 use crate::time::Stamp;
 
+/// Changes a command just before it is sent at the given stamp, to test how a driver takes it.
+pub type Spoil<'a> = &'a dyn Fn(&mut CoilCommand, Stamp);
+
+/// Every message of a stretch of time, unchecked, each with the stamp of its receipt.
+#[derive(Debug, Clone, Default)]
+pub struct Heard {
+    /// Feedback, oldest first.
+    pub feedback: Vec<(CoilFeedback, Stamp)>,
+    /// Poses, oldest first.
+    pub poses: Vec<(PoseMessage, Stamp)>,
+}
+
+/// Rates that a driver's author states, Hz.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StatedRates {
+    /// Of feedback.
+    pub feedback_hz: Option<f64>,
+    /// Of poses.
+    pub pose_hz: Option<f64>,
+}
+
 /// A rig with its clock, as the suite drives it.
-pub trait Rig {
+pub trait Rig: 'static {
     /// The implementation under test.
     type H: Hardware;
 
@@ -38,13 +59,49 @@ pub trait Rig {
         false
     }
 
+    /// Sends `command` after `spoil` changed its message; false when the rig cannot.
+    fn send_spoilt(&mut self, command: &AdmittedCommand, spoil: Spoil<'_>) -> bool {
+        let _ = (command, spoil);
+        false
+    }
+
+    /// Every message since the former call; `None` when the rig shows the newest alone.
+    fn heard(&mut self) -> Option<Heard> {
+        None
+    }
+
+    /// Rates that the driver's author states.
+    fn stated_rates(&self) -> StatedRates {
+        StatedRates::default()
+    }
+
+    /// True when whoever runs the suite wants it to end.
+    fn is_interrupted(&self) -> bool {
+        false
+    }
+
+    /// Gives up every authority that the suite may still hold; what the rig does not obey lapses.
+    fn release_all(&mut self) {}
+
+    /// True when the suite or the driver was held up since the former call, so that authority may have lapsed by no
+    /// fault of the driver.
+    fn was_held_up(&mut self) -> bool {
+        false
+    }
+
     /// True when nothing was published before the first [`Rig::advance`].
     fn starts_silent(&self) -> bool {
         true
     }
 
-    /// How far a measured current may lie off the true one: noise and quantisation of the sensor, A.
-    fn current_tolerance(&self) -> f64 {
+    /// How far the measured current of `coil` may lie off the true one: noise, gain and quantisation of the sensor, A.
+    fn current_tolerance(&self, coil: usize) -> f64 {
+        let _ = coil;
+        1e-6
+    }
+
+    /// How far a measured angle may lie off the true one, rad.
+    fn angle_tolerance(&self) -> f64 {
         1e-6
     }
 
@@ -52,61 +109,14 @@ pub trait Rig {
     fn settling(&self) -> Duration {
         Duration::ZERO
     }
-}
 
-/// What the contract asks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Clause {
-    /// A read before anything arrived is [`Reading::never`](crate::Reading::never).
-    NothingIsNever,
-    /// Feedback arrives, idle and at zero current; each message is fresh once, and sequences rise.
-    FeedbackArrives,
-    /// Without a claim nothing flows, and what was refused is counted.
-    NoDriveWithoutClaim,
-    /// A claim is granted and its epoch and sequence are echoed; no current flows by it.
-    ClaimIsEchoed,
-    /// Currents follow set points and get there, never faster than slew.
-    CurrentsFollowWithinSlew,
-    /// A second claimant is refused while the first commands.
-    AuthorityIsExclusive,
-    /// Once validity ran out the rig ramps to zero alone, and the former epoch commands nothing any more.
-    LapseRampsDown,
-    /// Released, the rig ramps to zero and can be claimed again.
-    ReleaseRampsDown,
-    /// Disabled, the rig stays so until a new claim.
-    DisableLatches,
-    /// A message that fails a check is reported and never replaces the last good one.
-    GarbageIsRefused,
-}
-
-impl fmt::Display for Clause {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::NothingIsNever => "a read before anything arrived finds nothing",
-            Self::FeedbackArrives => "feedback arrives, idle, with rising sequence",
-            Self::NoDriveWithoutClaim => "nothing flows without a claim",
-            Self::ClaimIsEchoed => "a claim is granted and echoed",
-            Self::CurrentsFollowWithinSlew => "currents follow within slew",
-            Self::AuthorityIsExclusive => "a second claimant is refused",
-            Self::LapseRampsDown => "the rig ramps to zero alone when validity runs out",
-            Self::ReleaseRampsDown => "a released rig ramps to zero and is free",
-            Self::DisableLatches => "a disabled rig stays so until a new claim",
-            Self::GarbageIsRefused => "garbage never replaces the last good message",
-        })
+    /// How long measured angles may take to follow set points that stand still.
+    fn angle_settling(&self) -> Duration {
+        Duration::ZERO
     }
-}
 
-/// A clause that the rig broke.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Violation {
-    /// Which.
-    pub clause: Clause,
-    /// What was found instead.
-    pub detail: String,
-}
-
-impl fmt::Display for Violation {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}: {}", self.clause, self.detail)
+    /// How long the commands of the suite stay good.
+    fn validity(&self) -> Duration {
+        Duration::from_millis(100)
     }
 }

@@ -1,25 +1,31 @@
 //! The contract of [`Hardware`](crate::Hardware), as clauses that any rig can be held against.
 //!
-//! A harness ([`Rig`], for rigs inside the process [`SteppedRig`]) gives the suite a rig and lets its time pass; [`run`] tries every clause on a rig of its own and
-//! returns what it found broken, so that tests can assert on it and a tool can print it. The suite commands small
-//! currents (a quarter of each coil's maximum) through the gate and judges by what the rig reports alone.
+//! A harness ([`Rig`]; for rigs inside the process [`SteppedRig`], for a driver that runs elsewhere [`RunningRig`])
+//! gives the suite a rig and lets its time pass. [`run`] tries every clause on a rig of its own and returns what it
+//! found broken; [`examine`] tries them one after the other on a running rig, the harmless first, and tells what it
+//! measured. The suite commands small currents (a quarter of each coil's maximum) and judges by what the rig reports
+//! alone. Each [`Clause`] has a stable name, the [`Level`] it belongs to, and says what would be right.
 
+mod clause;
 mod clauses;
+mod commands;
+mod examine;
+mod finding;
+mod garbage;
 mod harness;
+mod junit;
+mod listening;
+mod running;
 mod stepped;
+mod sweep;
 mod trial;
+mod watchdog;
 
-pub use harness::{Clause, Rig, Violation};
+pub use clause::{Clause, Facts, Level};
+pub use examine::{examine, run};
+pub use finding::{Finding, Verdict, Violation};
+pub use garbage::Garbage;
+pub use harness::{Heard, Rig, Spoil, StatedRates};
+pub use junit::junit;
+pub use running::{Ending, RunningRig, Tolerances};
 pub use stepped::{Stepped, SteppedRig};
-
-/// Tries every clause on a fresh rig each, made by `make`. Nothing found means that the contract is kept as far as
-/// the harness lets it be tried.
-pub fn run<R: Rig>(mut make: impl FnMut() -> R) -> Vec<Violation> {
-    let mut found = Vec::new();
-    for (clause, attempt) in clauses::all::<R>() {
-        if let Err(detail) = attempt(&mut make()) {
-            found.push(Violation { clause, detail });
-        }
-    }
-    found
-}

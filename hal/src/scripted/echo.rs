@@ -1,6 +1,6 @@
 //! An ideal rig: measured currents and angles equal the guard's set point, poses are what the test says.
 
-use crate::conformance::Stepped;
+use crate::conformance::{Spoil, Stepped};
 use crate::description::HardwareDescription;
 use crate::fault::Injector;
 use crate::gate::AdmittedCommand;
@@ -124,5 +124,12 @@ impl Stepped for EchoHardware {
 
     fn inject_feedback(&mut self, message: CoilFeedback) {
         self.loopback.inject_feedback(message);
+    }
+
+    fn write_spoilt(&mut self, command: &AdmittedCommand, now: Stamp, spoil: Spoil<'_>) -> bool {
+        let mut message = self.loopback.command(command, now);
+        spoil(&mut message, now);
+        let _ = self.guard.offer(&message, now);
+        true
     }
 }

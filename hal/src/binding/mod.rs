@@ -1,0 +1,13 @@
+//! What a driver or client in another language needs: the layouts of all messages, names and settings of the
+//! services, and a rig's numbers.
+//!
+//! [`python`] writes them as a module of ctypes structures; [`RigSheet`] is a rig as one JSON object.
+
+mod layout;
+mod python;
+mod sheet;
+
+pub(crate) use layout::HasKind;
+pub use layout::{Field, Kind, Layout, layouts, schema_hash, type_names};
+pub use python::python;
+pub use sheet::{CoilSheet, FrameSheet, MagnetSheet, RigSheet};

@@ -1,0 +1,52 @@
+//! `magsteer hal`: what the author of a driver needs.
+
+mod bindings;
+mod conformance;
+mod describe;
+mod new;
+mod udp_driver;
+
+use std::path::Path;
+
+use anyhow::anyhow;
+use clap::{Args, Subcommand};
+
+use self::bindings::Bindings;
+use self::conformance::Conformance;
+use self::describe::Describe;
+use self::new::New;
+use self::udp_driver::UdpDriver;
+use super::exit::{Exit, Failure};
+
+/// Tools for whoever writes a driver: a template, a rig's numbers, the check of a running one.
+#[derive(Debug, Args)]
+pub struct Hal {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Conformance(Conformance),
+    Describe(Describe),
+    Bindings(Bindings),
+    New(New),
+    UdpDriver(UdpDriver),
+}
+
+impl Hal {
+    pub fn run(&self) -> anyhow::Result<Exit> {
+        match &self.command {
+            Command::Conformance(command) => command.run(),
+            Command::Describe(command) => command.run(),
+            Command::Bindings(command) => command.run(),
+            Command::New(command) => command.run(),
+            Command::UdpDriver(command) => command.run(),
+        }
+    }
+}
+
+/// A file or folder that cannot be made, with its exit code.
+fn cannot_create(path: &Path, error: &std::io::Error) -> anyhow::Error {
+    Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", path.display()))
+}
