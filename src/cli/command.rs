@@ -22,6 +22,8 @@ use super::reach::Reach;
 use super::record::Record;
 #[cfg(feature = "record")]
 use super::replay::Replay;
+#[cfg(all(feature = "figures", feature = "record"))]
+use super::report::Report;
 use super::run::Run;
 use super::runs::Runs;
 use super::shape::Shape;
@@ -73,6 +75,8 @@ pub enum Command {
     Web(Web),
     Events(Events),
     Runs(Runs),
+    #[cfg(all(feature = "figures", feature = "record"))]
+    Report(Report),
     #[cfg(feature = "record")]
     Replay(Replay),
     Target(Target),
@@ -120,6 +124,8 @@ impl Command {
             Self::Web(command) => command.run(),
             Self::Events(command) => command.run(),
             Self::Runs(command) => command.run(),
+            #[cfg(all(feature = "figures", feature = "record"))]
+            Self::Report(command) => command.run(),
             #[cfg(feature = "record")]
             Self::Replay(command) => command.run(),
             Self::Target(command) => command.run(),

@@ -1,5 +1,7 @@
 //! Pictures of a run as PNG: the one module that knows the plotting library.
 
+#[cfg(feature = "record")]
+mod sheet;
 mod timing;
 
 use std::path::Path;
@@ -12,6 +14,8 @@ use kuva::render::figure::{Figure, FigureLegendPosition};
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 
+#[cfg(feature = "record")]
+pub use sheet::{Axis, Chart, Look, Sheet, Trace};
 #[cfg(feature = "sim")]
 pub use timing::{CycleBin, MinutePanel, cycle_histograms, minutes};
 

@@ -27,6 +27,8 @@ mod figures;
 mod hal;
 #[cfg(feature = "sim")]
 mod managed;
+#[cfg(feature = "figures")]
+mod model_shapes;
 mod operator;
 mod output;
 mod overlay;
@@ -39,6 +41,8 @@ mod reach;
 mod record;
 #[cfg(feature = "record")]
 mod replay;
+#[cfg(all(feature = "figures", feature = "record"))]
+mod report;
 mod rig_file;
 mod run;
 #[cfg(feature = "record")]

@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 
 use magsteer::config::Config;
 use magsteer::daemon::target::angle_from_z_deg;
-use magsteer::magnetics::CoilArray;
-use magsteer::rod::{Manipulator, Pass, PassMode, Station, TipLoad};
-use magsteer_hal::Actuation;
+use magsteer::rod::Station;
 use nalgebra::Vector3;
 
 use super::figures::{AngleHistory, CurrentHistory, SideView, angles_against_time, side_views};
+use super::model_shapes::Shapes;
 use super::play::{Played, PlayedStep, Sample};
 
 /// Half the length of the line that shows a target's direction, mm.
@@ -44,18 +43,20 @@ pub fn draw(folder: &Path, config: &Config, played: &Played) -> anyhow::Result<V
     let limit = rig.coils.iter().fold(0.0, |most: f64, coil| most.max(coil.current_max));
     angles_against_time(&path, &angles, &currents, limit)?;
     files.push(path);
-    if let Some(manipulator) = &config.manipulator {
+    if let Some(mut shapes) = Shapes::at_rest(config) {
         let path = folder.join("side-views.png");
-        let mut shapes = Shapes::at_rest(CoilArray::new(rig), manipulator);
         let mut samples = played.samples.iter().peekable();
         let views: Vec<SideView> = played
             .steps
             .iter()
             .map(|step| {
                 while let Some(sample) = samples.next_if(|sample| sample.time_s <= step.end_s) {
-                    shapes.follow(&sample.actuation);
+                    shapes.follow(
+                        &sample.actuation.current_a[..rig.coils.len()],
+                        &sample.actuation.angle_rad[..rig.frames.len()],
+                    );
                 }
-                shapes.side_view(step)
+                side_view(&shapes, step)
             })
             .collect();
         side_views(&path, &views)?;
@@ -79,49 +80,23 @@ fn angle_history(index: usize, magnet: &str, samples: &[Sample]) -> AngleHistory
     }
 }
 
-/// The model's shape, followed along the measured actuation: where several equilibria exist for the same currents, the one
-/// that the rod came to.
-struct Shapes<'a> {
-    array: CoilArray,
-    manipulator: &'a Manipulator,
-    pass: Pass,
-}
-
-impl<'a> Shapes<'a> {
-    fn at_rest(array: CoilArray, manipulator: &'a Manipulator) -> Self {
-        let mut pass = Pass::new(manipulator);
-        let posed = array.posed(&[]);
-        manipulator.solve_from_rest(&posed.actuated(&[]), &TipLoad::NONE, PassMode::default(), &mut pass);
-        Self { array, manipulator, pass }
-    }
-
-    /// Moves on to the equilibrium at `actuation` that lies nearest.
-    fn follow(&mut self, actuation: &Actuation) {
-        let posed = self.array.posed(&actuation.angle_rad);
-        let field = posed.actuated(&actuation.current_a);
-        let guess = self.pass.unknowns();
-        self.manipulator.solve(&field, &TipLoad::NONE, &guess, PassMode::default(), &mut self.pass);
-    }
-
-    fn side_view(&self, step: &PlayedStep) -> SideView {
-        let stations = self.manipulator.shape(&self.pass);
-        let in_plane = |position: &Vector3<f64>| (position.x * 1e3, position.z * 1e3);
-        let targets = self.pass.magnets().iter().zip(&step.target).map(|(magnet, direction)| {
-            let (x, z) = in_plane(&magnet.position());
-            let reach = [-TARGET_REACH_MM, TARGET_REACH_MM];
-            reach.map(|length| (x + length * direction[0], z + length * direction[2]))
-        });
-        let angles: Vec<String> =
-            step.response.target_deg.iter().map(|angle| format!("{angle:.0}")).collect();
-        SideView {
-            title: format!("({}) deg", angles.join(", ")),
-            centre_line: stations.iter().map(|station| in_plane(&station.position)).collect(),
-            magnets: stations
-                .windows(2)
-                .filter(|pair| pair[1].magnet.is_some())
-                .map(|pair| [&pair[0], &pair[1]].map(|station: &Station| in_plane(&station.position)))
-                .collect(),
-            targets: targets.collect(),
-        }
+fn side_view(shapes: &Shapes<'_>, step: &PlayedStep) -> SideView {
+    let stations = shapes.stations();
+    let in_plane = |position: &Vector3<f64>| (position.x * 1e3, position.z * 1e3);
+    let targets = shapes.pass().magnets().iter().zip(&step.target).map(|(magnet, direction)| {
+        let (x, z) = in_plane(&magnet.position());
+        let reach = [-TARGET_REACH_MM, TARGET_REACH_MM];
+        reach.map(|length| (x + length * direction[0], z + length * direction[2]))
+    });
+    let angles: Vec<String> = step.response.target_deg.iter().map(|angle| format!("{angle:.0}")).collect();
+    SideView {
+        title: format!("({}) deg", angles.join(", ")),
+        centre_line: stations.iter().map(|station| in_plane(&station.position)).collect(),
+        magnets: stations
+            .windows(2)
+            .filter(|pair| pair[1].magnet.is_some())
+            .map(|pair| [&pair[0], &pair[1]].map(|station: &Station| in_plane(&station.position)))
+            .collect(),
+        targets: targets.collect(),
     }
 }

@@ -1,0 +1,13 @@
+//! `magsteer report`: the figures of a recorded run, as pictures, tables and one page.
+//!
+//! `run` reads a recording into what figures need; `steering` (angles, views), `modelling` (field, forces) and `health` (currents,
+//! margins, timing) make sheets of it; `page` puts them together.
+
+mod command;
+mod health;
+mod modelling;
+mod page;
+mod run;
+mod steering;
+
+pub use command::Report;

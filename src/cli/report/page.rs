@@ -1,0 +1,133 @@
+//! One page with everything: figures drawn in it, nothing loaded from elsewhere.
+
+use std::fmt::Write;
+
+use super::health::quantiles;
+use super::run::Run;
+
+const STYLE: &str = "\
+body{font:16px/1.45 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#1a1a1a;background:#fff}\
+h1{font-size:1.6rem;margin-bottom:.2rem}h2{font-size:1.15rem;margin-top:2.2rem}\
+table{border-collapse:collapse;margin:.8rem 0}th,td{padding:.25rem .8rem .25rem 0;text-align:left;border-bottom:1px solid #ddd}\
+td.n{text-align:right;font-variant-numeric:tabular-nums}figure{margin:1.5rem 0}\
+figure svg{width:100%;max-width:44rem;height:auto;display:block}figcaption{max-width:44rem;color:#444;font-size:.92rem}\
+pre{background:#f5f5f5;padding:.8rem;overflow-x:auto;font-size:.85rem}details{margin:.6rem 0}.bad{color:#b00020;font-weight:600}";
+
+/// A figure on the page.
+pub struct Figure {
+    pub name: &'static str,
+    pub caption: String,
+    pub svg: String,
+}
+
+/// The page as HTML.
+pub fn page(run: &Run, figures: &[Figure]) -> String {
+    let info = &run.info;
+    let mut text = format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <title>{rig}</title><style>{STYLE}</style></head><body>\n<h1>{rig}</h1>\n<p>{}</p>\n",
+        escaped(&run.description),
+        rig = escaped(&info.rig),
+    );
+    text += &summary(run);
+    text += &steps(run);
+    for figure in figures {
+        // Writing to a string does not fail.
+        let _ = write!(
+            text,
+            "<figure id=\"{}\">{}<figcaption>{}</figcaption></figure>\n",
+            figure.name,
+            drawing(&figure.svg),
+            escaped(&figure.caption)
+        );
+    }
+    text += &timing(run);
+    let events: String = run.events.iter().map(|event| format!("{}\n", escaped(event))).collect();
+    let _ = write!(text, "<h2>Events</h2>\n<pre>{events}</pre>\n</body></html>\n");
+    text
+}
+
+fn row(name: &str, value: &str) -> String {
+    format!("<tr><th>{}</th><td>{}</td></tr>\n", escaped(name), value)
+}
+
+fn summary(run: &Run) -> String {
+    let (info, counts) = (&run.info, &run.counts);
+    let whole = if counts.holes == 0 {
+        "none".to_owned()
+    } else {
+        format!("<span class=\"bad\">{}</span>", counts.holes)
+    };
+    let duration = run.samples.last().map_or(0.0, |sample| sample.time);
+    let rows = [
+        row("duration", &format!("{duration:.1} s, {} cycles at {} Hz", counts.cycles, info.rate_hz)),
+        row("cycles lost in the recording", &whole),
+        row("magnets", &escaped(&info.magnets.join(", "))),
+        row("coils", &escaped(&info.coils.join(", "))),
+        row("frames", &escaped(&info.frames.join(", "))),
+        row("configuration", &format!("SHA-256 {}", escaped(&info.config_sha256))),
+        row("program", &escaped(&info.program)),
+    ];
+    format!("<table>\n{}</table>\n", rows.concat())
+}
+
+fn steps(run: &Run) -> String {
+    if run.steps.is_empty() {
+        return "<p>No target was steered to.</p>\n".to_owned();
+    }
+    let list = |values: &[f64], digits: usize| {
+        values.iter().map(|value| format!("{value:.digits$}")).collect::<Vec<_>>().join(", ")
+    };
+    let rows: String = run
+        .steps
+        .iter()
+        .enumerate()
+        .map(|(index, step)| {
+            let response = &step.response;
+            let settled =
+                response.settled_s.map_or("<span class=\"bad\">no</span>".to_owned(), |time| format!("{time:.2} s"));
+            format!(
+                "<tr><td class=\"n\">{}</td><td class=\"n\">{:.1}</td><td>{}</td><td class=\"n\">{settled}</td><td class=\"n\">{}</td>\
+                 <td class=\"n\">{}</td><td class=\"n\">{:.2}</td></tr>\n",
+                index + 1,
+                step.begin,
+                list(&response.target_deg, 1),
+                list(&response.error_mean_deg, 2),
+                list(&response.error_rms_deg, 2),
+                response.current_max_a,
+            )
+        })
+        .collect();
+    format!(
+        "<h2>Steps</h2>\n<table><tr><th>step</th><th>begin (s)</th><th>target from z (deg)</th><th>settled after</th>\
+         <th>mean error (deg)</th><th>RMS error (deg)</th><th>current (A)</th></tr>\n{rows}</table>\n\
+         <p>Judged by measured tangents; settled: within 1 degree from then on, for 0.25 s at least; errors over the last second.</p>\n"
+    )
+}
+
+fn timing(run: &Run) -> String {
+    let times = &run.times;
+    let rows: String =
+        [("lateness", &times.lateness), ("execution", &times.execution), ("pose age", &times.pose_age)]
+            .iter()
+            .map(|(name, values)| {
+                let cells: String = quantiles(values)
+                    .iter()
+                    .map(|value| format!("<td class=\"n\">{value:.1}</td>"))
+                    .collect();
+                format!("<tr><th>{name}</th>{cells}</tr>\n")
+            })
+            .collect();
+    format!(
+        "<h2>Timing</h2>\n<table><tr><th>us</th><th>p50</th><th>p99</th><th>p99.9</th><th>max</th></tr>\n{rows}</table>\n"
+    )
+}
+
+/// The drawing alone, without what makes it a file of its own, as wide as the page lets it be.
+fn drawing(svg: &str) -> &str {
+    svg.find("<svg").map_or(svg, |begin| &svg[begin..])
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

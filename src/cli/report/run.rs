@@ -1,0 +1,198 @@
+//! A recorded run, as far as its figures need it.
+
+use std::path::Path;
+
+use anyhow::anyhow;
+use magsteer::config::{Config, Document};
+use magsteer::daemon::step_response::{Judge, Observation, StepResponse};
+use magsteer::recording::{Counts, Cycle, Info, Recording};
+use magsteer_hal::MAGNETS_MAX;
+use magsteer_hal::operator::state;
+
+use crate::cli::exit::{Exit, Failure};
+use crate::cli::runs::refused_recording;
+
+/// Samples a second that figures show, at most.
+const SHOWN_HZ: f64 = 100.0;
+/// A target that stood shorter than this is no step, s.
+const STEP_MIN: f64 = 0.3;
+
+/// One moment of the run. Directions are unit vectors in the world frame, one a magnet.
+pub struct Sample {
+    /// Since the recording began, s.
+    pub time: f64,
+    pub target: Vec<[f64; 3]>,
+    pub desired: Vec<[f64; 3]>,
+    pub measured: Vec<[f64; 3]>,
+    pub predicted: Vec<[f64; 3]>,
+    /// Measured, A.
+    pub currents: Vec<f64>,
+    /// Measured, rad.
+    pub angles: Vec<f64>,
+    pub margin: f64,
+    pub condition: f64,
+    /// Actuation parameters at a limit.
+    pub saturated: u32,
+    pub steers: bool,
+}
+
+/// A target while it was steered to.
+pub struct Step {
+    pub target: Vec<[f64; 3]>,
+    /// Since the recording began, s.
+    pub begin: f64,
+    pub end: f64,
+    /// Judged by measured tangents.
+    pub response: StepResponse,
+}
+
+/// A time of every cycle, us.
+#[derive(Default)]
+pub struct Times {
+    pub lateness: Vec<f64>,
+    pub execution: Vec<f64>,
+    /// From the exposure of fresh poses to the cycle that used them.
+    pub pose_age: Vec<f64>,
+}
+
+/// What is known of a run.
+pub struct Run {
+    pub info: Info,
+    pub description: String,
+    pub config: Config,
+    pub counts: Counts,
+    pub events: Vec<String>,
+    pub samples: Vec<Sample>,
+    pub steps: Vec<Step>,
+    pub times: Times,
+}
+
+impl Run {
+    /// Reads a recording, or a run's folder.
+    ///
+    /// # Errors
+    /// No such file; a recording that cannot be read, or whose configuration this program refuses.
+    pub fn open(path: &Path) -> anyhow::Result<Self> {
+        let recording = Recording::open(path).map_err(refused_recording)?;
+        let name = format!("{} (its configuration)", recording.path().display());
+        let config = Config::from_document(&Document::from_text(name, recording.config_text())?)?;
+        let info = recording.info().clone();
+        let mut gathered = Gathered::new(&info);
+        for cycle in recording.cycles().map_err(refused_recording)? {
+            gathered.take(&cycle.map_err(refused_recording)?);
+        }
+        let Gathered { samples, steps, times, .. } = gathered.ended();
+        if samples.is_empty() {
+            let message = anyhow!("{}: holds no cycle", recording.path().display());
+            return Err(Failure::with(Exit::Data, message));
+        }
+        let events = recording.events().map_err(refused_recording)?.into_iter().map(|event| event.text).collect();
+        Ok(Self {
+            description: recording.description().to_owned(),
+            counts: recording.counts().map_err(refused_recording)?,
+            info,
+            config,
+            events,
+            samples,
+            steps,
+            times,
+        })
+    }
+
+    /// Names of the magnets, base to tip.
+    pub fn magnets(&self) -> &[String] {
+        &self.info.magnets
+    }
+}
+
+/// A step under way.
+struct Under {
+    target: Vec<[f64; 3]>,
+    begin: f64,
+    judge: Judge,
+}
+
+struct Gathered {
+    stride: u64,
+    count: u64,
+    first_ns: Option<u64>,
+    time: f64,
+    samples: Vec<Sample>,
+    steps: Vec<Step>,
+    under: Option<Under>,
+    times: Times,
+}
+
+impl Gathered {
+    fn new(info: &Info) -> Self {
+        Self {
+            stride: (info.rate_hz / SHOWN_HZ).ceil().max(1.0) as u64,
+            count: 0,
+            first_ns: None,
+            time: 0.0,
+            samples: Vec::new(),
+            steps: Vec::new(),
+            under: None,
+            times: Times::default(),
+        }
+    }
+
+    fn take(&mut self, cycle: &Cycle) {
+        let first = *self.first_ns.get_or_insert(cycle.now_ns);
+        self.time = cycle.now_ns.saturating_sub(first) as f64 * 1e-9;
+        self.times.lateness.push(cycle.lateness_ns as f64 * 1e-3);
+        self.times.execution.push(cycle.execution_ns as f64 * 1e-3);
+        if cycle.pose_fresh == 1 {
+            self.times.pose_age.push(cycle.now_ns.saturating_sub(cycle.pose_stamp_ns) as f64 * 1e-3);
+        }
+        self.take_step(cycle);
+        if self.count.is_multiple_of(self.stride) {
+            self.samples.push(Sample {
+                time: self.time,
+                target: cycle.target.clone(),
+                desired: cycle.desired.clone(),
+                measured: cycle.measured.clone(),
+                predicted: cycle.predicted.clone(),
+                currents: cycle.measured_a.clone(),
+                angles: cycle.measured_rad.clone(),
+                margin: cycle.stability_margin,
+                condition: cycle.condition,
+                saturated: cycle.saturated,
+                steers: cycle.engaged == 1,
+            });
+        }
+        self.count += 1;
+    }
+
+    fn take_step(&mut self, cycle: &Cycle) {
+        let steers = matches!(cycle.state, state::ACTIVE | state::HOLDING);
+        let is_set = cycle.target.iter().all(|direction| *direction != [0.0; 3]);
+        if self.under.as_ref().is_some_and(|under| !steers || under.target != cycle.target) {
+            self.end_step();
+        }
+        if !steers || !is_set {
+            return;
+        }
+        let under = self.under.get_or_insert_with(|| Under {
+            target: cycle.target.clone(),
+            begin: self.time,
+            judge: Judge::new(&cycle.target),
+        });
+        let mut tangent = [[0.0; 3]; MAGNETS_MAX];
+        tangent.iter_mut().zip(&cycle.measured).for_each(|(to, from)| *to = *from);
+        let current = cycle.measured_a.iter().fold(0.0_f64, |most, current| most.max(current.abs()));
+        under.judge.take(&Observation { time: self.time - under.begin, tangent, current });
+    }
+
+    fn end_step(&mut self) {
+        let Some(Under { target, begin, judge }) = self.under.take() else { return };
+        if self.time - begin >= STEP_MIN {
+            self.steps.push(Step { target, begin, end: self.time, response: judge.verdict() });
+        }
+    }
+
+    fn ended(mut self) -> Self {
+        self.end_step();
+        self
+    }
+}
