@@ -176,7 +176,8 @@ impl Recording {
         let (mut count, mut holes) = (0, 0);
         for cycle in cycles.by_ref() {
             let cycle = cycle?;
-            holes += u64::from(!follows(last.map(|place: Place| place.number), &cycle));
+            // A recording that begins late has no hole for that; its first number tells.
+            holes += u64::from(last.is_some_and(|place: Place| !follows(Some(place.number), &cycle)));
             let place = Place { number: cycle.number, now_ns: cycle.now_ns };
             first.get_or_insert(place);
             last = Some(place);
