@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use magsteer_hal::channels::{
     ChannelError, ClientError, DaemonEnd, DaemonServices, DriverEnd, DriverServices, Endpoint,
-    OperatorClient, OperatorServer, OperatorServices, PrivateRoot, Role, TruthObserver,
+    OperatorClient, OperatorServer, OperatorServices, PrivateRoot, RecordObserver, Role, TruthObserver,
 };
 use magsteer_hal::message::order;
 use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
+use magsteer_hal::record::RecordBatch;
 use magsteer_hal::scripted::example_description;
 use magsteer_hal::{Authority, CoilCommand, Gate, Hardware, MagnetPose, PoseMessage, Stamp};
 
@@ -257,4 +258,32 @@ fn status_reaches_a_watcher_across_a_restart_of_the_daemon() {
             server = make();
         }
     }
+}
+
+/// Goal: whoever records and is stopped for a while loses the oldest batches, by number; the daemon publishes on.
+#[test]
+fn slow_observer_of_cycles_loses_the_oldest_and_counts_them() {
+    const PUBLISHED: u64 = 300;
+    const QUEUE: u64 = 128;
+    let (_root, endpoint) = endpoint();
+    let services = OperatorServices::create(&endpoint).expect("services");
+    let mut observer = RecordObserver::open(&endpoint, WAIT).expect("a daemon");
+    let mut server = services.into_server().expect("a server");
+    let mut publish = |begin: u64| {
+        let mut batch = Box::new(RecordBatch { begin, count: 1, ..RecordBatch::default() });
+        server.publish_record(&mut batch, Stamp::now()).expect("published");
+    };
+    // Listening before the first one was published, it misses none of the first.
+    publish(0);
+    let mut begins = until(|| {
+        let mut begins = Vec::new();
+        observer.drain(Stamp::now(), |batch| begins.push(batch.begin));
+        (!begins.is_empty()).then_some(begins)
+    });
+    assert_eq!((begins.as_slice(), observer.loss().batches), (&[0][..], 0));
+    (1..=PUBLISHED).for_each(&mut publish);
+    begins.clear();
+    observer.drain(Stamp::now(), |batch| begins.push(batch.begin));
+    assert_eq!(begins, (PUBLISHED - QUEUE + 1..=PUBLISHED).collect::<Vec<_>>());
+    assert_eq!(observer.loss().batches, PUBLISHED - QUEUE);
 }

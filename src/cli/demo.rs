@@ -66,13 +66,14 @@ impl Demo {
         let experiment =
             shipped::experiment(self.experiment.as_deref(), &config.description).map_err(Failure::data)?;
         let folder = self.folder()?;
+        let recording = recording(&folder);
         let stop = Arc::new(StopFlag::new());
         let (played, daemon, plant) = watching(
             &stop,
             false,
             || (),
             || {
-                let mut pair = Pair::start(&document, &config, &folder, &[], cfg!(feature = "record"))?;
+                let mut pair = Pair::start(&document, &config, &folder, &[], recording.is_some())?;
                 let played = play(&mut pair, &experiment, &config.description, &stop);
                 let reports = pair.end();
                 reports.iter().for_each(|(daemon, _)| tell_flights(daemon));
@@ -83,7 +84,8 @@ impl Demo {
             },
         )??;
         let Some(played) = played else { return Ok(interrupted(&stop, &daemon, &plant)) };
-        let files = draw(&folder, &config, &played)?;
+        let mut files = draw(&folder, &config, &played)?;
+        files.extend(recording);
         self.print(&played, &daemon, &plant, &files)?;
         let is_sound = played.all_settled() && daemon.is_clean() && plant.limit_breaks == 0;
         Ok(if is_sound { Exit::Success } else { Exit::No })
@@ -128,6 +130,23 @@ impl Demo {
         text += if played.all_settled() { "every step settled\n" } else { "NOT every step settled\n" };
         Ok(output::result(text)?)
     }
+}
+
+/// Where this run is recorded. A folder that is used again keeps its former recording, and this run has none.
+#[cfg(feature = "record")]
+fn recording(folder: &Path) -> Option<PathBuf> {
+    let file = folder.join(magsteer::recording::RECORDING);
+    if file.exists() {
+        output::note(format_args!("{}: is there already: this run is not recorded", file.display()));
+        return None;
+    }
+    Some(file)
+}
+
+/// This build records nothing.
+#[cfg(not(feature = "record"))]
+fn recording(_: &Path) -> Option<PathBuf> {
+    None
 }
 
 /// Says where the daemon wrote what it saw before it tripped.

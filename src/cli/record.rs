@@ -69,8 +69,12 @@ impl Record {
         };
         let stop = Arc::new(StopFlag::new());
         let attached = || self.say_attached(&files);
-        let report =
-            watching(&stop, self.as_companion, || (), || record(&endpoint, wait, plan, &stop, attached))?;
+        let report = watching(
+            &stop,
+            self.as_companion,
+            || (),
+            || record(&endpoint, wait, plan, &stop, attached, &|words| output::error(words)),
+        )?;
         self.tell(&report.map_err(failure)?, &stop)
     }
 

@@ -16,7 +16,7 @@ use std::os::unix::process::CommandExt;
 /// What a recorder prints, on a line of its own, when it listens.
 pub const ATTACHED: &str = "attached";
 /// How long it may take until it listens.
-const ATTACH_PATIENCE: Duration = Duration::from_secs(10);
+const ATTACH_PATIENCE: Duration = Duration::from_secs(20);
 /// How long it may take to write what is left when the loop has ended.
 const END_PATIENCE: Duration = Duration::from_secs(10);
 const POLL: Duration = Duration::from_millis(5);
@@ -57,7 +57,7 @@ impl Companion {
     /// Starts the recorder and waits until it listens.
     ///
     /// # Errors
-    /// When it cannot be started, ends, or does not listen within ten seconds.
+    /// When it cannot be started, ends, or does not listen within twenty seconds.
     pub fn start(plan: &CompanionPlan) -> Result<Self, CompanionError> {
         let mut child = Command::new(&plan.program)
             .args(&plan.arguments)

@@ -52,6 +52,13 @@ pub struct Counts {
     pub is_complete: Option<bool>,
 }
 
+/// Where a cycle stands in its run.
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    number: u64,
+    now_ns: u64,
+}
+
 /// A recording, opened: its head is read, its cycles are where they are.
 #[derive(Debug, Clone)]
 pub struct Recording {
@@ -165,12 +172,13 @@ impl Recording {
     /// When the file cannot be read, or a cycle does not decode.
     pub fn counts(&self) -> Result<Counts, RecordingError> {
         let mut cycles = self.cycles()?;
-        let (mut first, mut last): (Option<(u64, u64)>, Option<(u64, u64)>) = (None, None);
+        let (mut first, mut last) = (None, None);
         let (mut count, mut holes) = (0, 0);
         for cycle in cycles.by_ref() {
             let cycle = cycle?;
-            holes += u64::from(!follows(last.map(|(number, _)| number), &cycle));
-            let place = (cycle.number, cycle.now_ns);
+            // A recording that begins late has no hole for that; its first number tells.
+            holes += u64::from(last.is_some_and(|place: Place| !follows(Some(place.number), &cycle)));
+            let place = Place { number: cycle.number, now_ns: cycle.now_ns };
             first.get_or_insert(place);
             last = Some(place);
             count += 1;
@@ -179,10 +187,10 @@ impl Recording {
         let told = messages.end.as_ref().and_then(|end| end.get("is_complete"));
         Ok(Counts {
             cycles: count,
-            first_number: first.unwrap_or_default().0,
-            last_number: last.unwrap_or_default().0,
-            first_ns: first.unwrap_or_default().1,
-            last_ns: last.unwrap_or_default().1,
+            first_number: first.unwrap_or_default().number,
+            last_number: last.unwrap_or_default().number,
+            first_ns: first.unwrap_or_default().now_ns,
+            last_ns: last.unwrap_or_default().now_ns,
             holes,
             messages: messages.count,
             damaged: messages.records.damaged(),

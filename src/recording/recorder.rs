@@ -103,7 +103,7 @@ pub struct RecordReport {
 }
 
 /// Records the rig's daemon until its loop ends or `stop` is requested. `attached` is called when nothing that
-/// is published from now on is missed.
+/// is published from now on is missed, `warn` when the disk takes nothing, and when it does again.
 ///
 /// # Errors
 /// When there is no daemon within `wait`, it runs another configuration, or the file cannot be made.
@@ -113,6 +113,7 @@ pub fn record(
     plan: RecordingPlan,
     stop: &StopFlag,
     attached: impl FnOnce(),
+    warn: &(dyn Fn(&str) + Sync),
 ) -> Result<RecordReport, RecorderError> {
     // A folder that cannot be written to is noticed before anything runs.
     let probe = plan.file.with_extension("partial");
@@ -128,7 +129,7 @@ pub fn record(
     std::thread::scope(|scope| {
         let writer = std::thread::Builder::new()
             .name("magsteer-writer".to_owned())
-            .spawn_scoped(scope, move || Scribe::new(plan).serve(&batches))
+            .spawn_scoped(scope, move || Scribe::new(plan, warn).serve(&batches))
             .map_err(RecorderError::Thread)?;
         attached();
         let taken = take(&mut observer, &queue, config_digest, stop, &|| writer.is_finished());
@@ -183,8 +184,7 @@ fn take(
 }
 
 /// The writer's thread.
-#[derive(Debug)]
-struct Scribe {
+struct Scribe<'a> {
     plan: RecordingPlan,
     writer: Option<RecordingWriter>,
     next_flush: Instant,
@@ -193,11 +193,13 @@ struct Scribe {
     end: End,
     has_first: bool,
     has_last: bool,
+    /// Why the disk takes nothing; `None` while it does.
     error: Option<String>,
+    warn: &'a (dyn Fn(&str) + Sync),
 }
 
-impl Scribe {
-    fn new(plan: RecordingPlan) -> Self {
+impl<'a> Scribe<'a> {
+    fn new(plan: RecordingPlan, warn: &'a (dyn Fn(&str) + Sync)) -> Self {
         Self {
             plan,
             writer: None,
@@ -207,6 +209,7 @@ impl Scribe {
             has_first: false,
             has_last: false,
             error: None,
+            warn,
         }
     }
 
@@ -232,6 +235,8 @@ impl Scribe {
             let info = Info { realtime_missing: batch.realtime_missing == 1, ..self.plan.info.clone() };
             self.writer = Some(RecordingWriter::create(&self.plan.file, info, &self.plan.config_text)?);
             self.has_first = batch.begin == 0;
+            // What went before a recording that begins late is none of its losses.
+            self.end.dropped = if self.has_first { 0 } else { batch.dropped };
         }
         let Some(writer) = &mut self.writer else { return Ok(()) };
         let hole = self.expected.map_or(0, |expected| batch.begin.saturating_sub(expected));
@@ -253,9 +258,14 @@ impl Scribe {
     }
 
     fn flush(&mut self) {
-        if let Some(Err(error)) = self.writer.as_mut().map(RecordingWriter::flush) {
-            // Told once, and kept until the end; what waits is tried again.
-            self.error.get_or_insert_with(|| error.to_string());
+        let Some(flushed) = self.writer.as_mut().map(RecordingWriter::flush) else { return };
+        let is_new = flushed.is_err() != self.error.is_some();
+        self.error = flushed.err().map(|error| error.to_string());
+        match &self.error {
+            // Told once; what waits is tried again.
+            Some(error) if is_new => (self.warn)(&format!("{error}; kept in memory and tried again")),
+            None if is_new => (self.warn)("the disk takes the recording again"),
+            _ => {}
         }
     }
 
@@ -267,24 +277,27 @@ impl Scribe {
             None => RecordingWriter::create(&plan.file, plan.info.clone(), &plan.config_text)?,
         };
         let end = End { is_complete: self.has_first && self.has_last && self.end.lost == 0, ..self.end };
-        let cycles = writer.cycles();
-        let length = writer.length();
-        let (bytes, is_written) = match writer.finish(&end) {
-            Ok(bytes) => (bytes, true),
-            Err(error) => {
-                self.error = Some(error.to_string());
-                (length, false)
-            }
-        };
-        Ok(RecordReport {
+        let (cycles, written, length) = (writer.cycles(), writer.written(), writer.length());
+        let report = RecordReport {
             file: self.plan.file,
             ended: Why::LoopEnded,
             cycles,
             lost: end.lost,
             dropped: end.dropped,
-            is_complete: end.is_complete && is_written,
-            bytes,
-            error: self.error.filter(|_| !(end.is_complete && is_written)),
+            is_complete: end.is_complete,
+            bytes: length,
+            error: None,
+        };
+        Ok(match writer.finish(&end) {
+            Ok(bytes) => RecordReport { bytes, ..report },
+            // What waited in memory goes with this process.
+            Err(error) => RecordReport {
+                cycles: written,
+                lost: end.lost + (cycles - written),
+                is_complete: false,
+                error: Some(error.to_string()),
+                ..report
+            },
         })
     }
 }

@@ -96,3 +96,34 @@ impl PiecewiseFile {
         self.length
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::io::Write;
+
+    use super::PiecewiseFile;
+
+    /// Goal: a piece that the disk refuses is kept and written later with what came after it, in order.
+    #[test]
+    fn what_the_disk_refuses_is_kept_and_written_later() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("pieces");
+        let mut file = PiecewiseFile::create(&path).expect("room");
+        let mut pending = file.pending();
+        pending.write_all(b"one,").expect("memory");
+        file.commit().expect("room");
+        pending.write_all(b"two,").expect("memory");
+        // A file that is open for reading alone refuses as a full disk does.
+        let writable = std::mem::replace(&mut file.file, File::open(&path).expect("there"));
+        file.commit().expect_err("not writable");
+        assert_eq!((file.waiting(), file.length()), (4, 4));
+        assert_eq!(std::fs::read(&path).expect("there"), b"one,");
+        pending.write_all(b"three").expect("memory");
+        file.file = writable;
+        file.commit().expect("room");
+        assert_eq!((file.waiting(), file.length()), (0, 13));
+        assert_eq!(std::fs::read(&path).expect("there"), b"one,two,three");
+        assert!(PiecewiseFile::create(&path).is_err(), "nothing is written over");
+    }
+}

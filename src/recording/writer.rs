@@ -56,6 +56,8 @@ pub struct RecordingWriter {
     previous: Option<Cycle>,
     next_view_ns: u64,
     cycles: u64,
+    /// Those of them that are on the disk.
+    written: u64,
     events: u32,
 }
 
@@ -86,6 +88,7 @@ impl RecordingWriter {
             previous: None,
             next_view_ns: 0,
             cycles: 0,
+            written: 0,
             events: 0,
         };
         writer.flush()?;
@@ -185,7 +188,15 @@ impl RecordingWriter {
     /// When the disk takes it not; it is kept, and the next call tries again.
     pub fn flush(&mut self) -> Result<(), RecordingError> {
         self.container.flush().map_err(|error| RecordingError::container(&self.path, error))?;
-        self.file.commit().map_err(|error| RecordingError::write(&self.path, error))
+        self.file.commit().map_err(|error| RecordingError::write(&self.path, error))?;
+        self.written = self.cycles;
+        Ok(())
+    }
+
+    /// Cycles on the disk.
+    #[must_use]
+    pub fn written(&self) -> u64 {
+        self.written
     }
 
     /// Bytes that the disk did not take yet.
