@@ -83,13 +83,16 @@ def measure(rig, pairs):
     for turn in range(2 * pairs):
         looking = turn % 2 == 1
         viewers = Viewers(rig) if looking else None
-        last, _ = minute(rig, last)
-        if viewers:
-            viewers.check()
-        last, state = minute(rig, last)
-        if viewers:
-            viewers.check()
-            viewers.end()
+        try:
+            last, _ = minute(rig, last)
+            if viewers:
+                viewers.check()
+            last, state = minute(rig, last)
+            if viewers:
+                viewers.check()
+        finally:
+            if viewers:
+                viewers.end()
         late = last["lateness_us"]
         found[looking].append(late["p999"])
         print(f"{'all' if looking else 'none':7} {late['p50']:5.0f} {late['p99']:5.0f} {late['p999']:6.0f} {late['max']:9.0f}"
@@ -105,6 +108,8 @@ def main():
     parser.add_argument("--config", required=True)
     parser.add_argument("--pairs", type=int, default=3)
     arguments = parser.parse_args()
+    # What was started is ended, whoever ends this.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     missing = [name for name in ("tmux", "chromium", "chromedriver") if not shutil.which(name)]
     if missing:
         print(f"missing: {', '.join(missing)}")
@@ -113,7 +118,8 @@ def main():
         rig = Rig(os.path.abspath(arguments.magsteer), os.path.abspath(arguments.config), folder)
         try:
             rig.plant()
-            rig.daemon()
+            # A machine that stops processes must not end the steering halfway: monitors tell, but do not act.
+            rig.daemon("--passive")
             for request in (["arm"], ["target", "set", "m1=75deg", "m2=105deg"], ["go"]):
                 while operate(rig, *request).returncode != 0:
                     time.sleep(0.5)
