@@ -1,4 +1,5 @@
-//! `magsteer web` as a process, with a daemon's services played here: paths, headers, refusals, metrics, events.
+//! `magsteer web` as a process, with a daemon's services played here: paths, headers, refusals, metrics,
+//! events.
 #![cfg(feature = "web")]
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -157,6 +158,7 @@ fn page_and_its_parts_are_served_with_a_policy_that_lets_nothing_else_in() {
         ("/", "text/html"),
         ("/page.css", "text/css"),
         ("/page.js", "text/javascript"),
+        ("/draw.js", "text/javascript"),
         ("/icon.svg", "image/svg+xml"),
     ] {
         let (status, head, body) = web.ask(&format!("GET {path}"), &[], "");

@@ -3,6 +3,8 @@
 use clap::{Parser, Subcommand};
 use magsteer_hal::operator::verb;
 
+#[cfg(feature = "foxglove")]
+use super::bridge::Bridge;
 #[cfg(feature = "sim")]
 use super::campaign::Campaign;
 use super::check::Check;
@@ -73,6 +75,8 @@ pub enum Command {
     Top(Top),
     #[cfg(feature = "web")]
     Web(Web),
+    #[cfg(feature = "foxglove")]
+    Bridge(Bridge),
     Events(Events),
     Runs(Runs),
     #[cfg(all(feature = "figures", feature = "record"))]
@@ -122,6 +126,8 @@ impl Command {
             Self::Top(command) => command.run(),
             #[cfg(feature = "web")]
             Self::Web(command) => command.run(),
+            #[cfg(feature = "foxglove")]
+            Self::Bridge(command) => command.run(),
             Self::Events(command) => command.run(),
             Self::Runs(command) => command.run(),
             #[cfg(all(feature = "figures", feature = "record"))]

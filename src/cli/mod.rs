@@ -4,6 +4,8 @@
 //! [`command::Command`]. What is absent: logic that a test would want to call; that lives in the library.
 
 mod actuation;
+#[cfg(feature = "foxglove")]
+mod bridge;
 #[cfg(feature = "sim")]
 mod campaign;
 mod check;
@@ -66,7 +68,7 @@ mod target;
 #[cfg(feature = "top")]
 mod top;
 mod tune;
-#[cfg(any(feature = "top", feature = "web"))]
+#[cfg(any(feature = "top", feature = "web", feature = "foxglove"))]
 mod viewing;
 #[cfg(feature = "web")]
 mod web;

@@ -50,7 +50,8 @@ impl EventFeed {
         feed
     }
 
-    /// Takes over what came since the last look. A journal that cannot be read has nothing to tell, and is tried again.
+    /// Takes over what came since the last look. A journal that cannot be read has nothing to tell, and is
+    /// tried again.
     pub fn look(&mut self) {
         if self.tail.is_none() {
             self.tail = JournalTail::at_end(&self.folder).ok();

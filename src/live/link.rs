@@ -14,7 +14,8 @@ use magsteer_hal::Stamp;
 use magsteer_hal::message::Header;
 use serde::Serialize;
 
-/// Shortest silence that counts as one: many periods of the status, longer than a shared machine stops a process.
+/// Shortest silence that counts as one: many periods of the status, longer than a shared machine stops a
+/// process.
 const SILENCE_MIN: Duration = Duration::from_millis(500);
 /// Periods of the status that are a silence.
 const SILENCE_PERIODS: f64 = 4.0;

@@ -1,9 +1,9 @@
 //! Figures as OpenMetrics text, for programs that watch many machines.
 //!
-//! Format: *OpenMetrics 1.0* (<https://github.com/OpenObservability/OpenMetrics>). A family is its metadata (type, unit,
-//! help), then its samples; a family with a unit ends in it; counters' samples end in `_total`; the text ends in `# EOF`.
-//! Units are the base units that the standard asks for: seconds, amperes, degrees for angles (as everywhere at this
-//! project's borders), ratios for shares.
+//! Format: *OpenMetrics 1.0* (<https://github.com/OpenObservability/OpenMetrics>). A family is its metadata
+//! (type, unit, help), then its samples; a family with a unit ends in it; counters' samples end in `_total`;
+//! the text ends in `# EOF`. Units are the base units that the standard asks for: seconds, amperes, degrees
+//! for angles (as everywhere at this project's borders), ratios for shares.
 
 use std::fmt::{self, Display, Write};
 
@@ -18,7 +18,8 @@ use crate::daemon::LatencySummary;
 const STATES: [u32; 7] =
     [state::BOOT, state::IDLE, state::ARMED, state::ACTIVE, state::HOLDING, state::SAFE_STOP, state::FAULT];
 
-/// The text for one scrape, `# EOF` included. Of a daemon that is not heard now it says that alone: old numbers are none.
+/// The text for one scrape, `# EOF` included. Of a daemon that is not heard now it says that alone: old
+/// numbers are none.
 #[must_use]
 pub fn open_metrics(rig: &Rig, figures: &Figures) -> String {
     let mut page = Page { text: String::with_capacity(8 << 10), rig: escaped(&rig.name) };

@@ -1,18 +1,20 @@
-//! Layer live: what a viewer shows of a rig that a daemon steers. `top`, `web` and bridges draw; here is what they draw.
+//! Layer live: what a viewer shows of a rig that a daemon steers. `top`, `web` and bridges draw; here is what
+//! they draw.
 //!
-//! **Problem.** Several viewers come and go while a loop steers. Each wants the same: targets and angles against time, the
-//! rod, currents with their limits, timing, margin, events; and each must survive a daemon that is not there yet, ends, or
-//! is started again.
+//! **Problem.** Several viewers come and go while a loop steers. Each wants the same: targets and angles
+//! against time, the rod, currents with their limits, timing, margin, events; and each must survive a daemon
+//! that is not there yet, ends, or is started again.
 //!
-//! **Terms.** A *status* is what the daemon publishes of itself; *figures* are a status as a person reads it, with the names
-//! and limits of the rig's configuration; a *sample* is what is plotted against time; the *link* is how the viewer stands to
-//! the daemon.
+//! **Terms.** A *status* is what the daemon publishes of itself; *figures* are a status as a person reads it,
+//! with the names and limits of the rig's configuration; a *sample* is what is plotted against time; the
+//! *link* is how the viewer stands to the daemon.
 //!
-//! **Method.** A [`Viewer`] attaches to the status channel and the journal, and to nothing else. The rod's shape is computed
-//! here, in the viewer's process, by the model of the configuration at the measured currents and angles.
+//! **Method.** A [`Viewer`] attaches to the status channel and the journal, and to nothing else. The rod's
+//! shape is computed here, in the viewer's process, by the model of the configuration at the measured
+//! currents and angles.
 //!
-//! What is absent: a way by which a viewer could hold up the loop. It takes messages that the daemon's telemetry thread
-//! publishes to whoever listens, and its requests go the way of every operator's.
+//! What is absent: a way by which a viewer could hold up the loop. It takes messages that the daemon's
+//! telemetry thread publishes to whoever listens, and its requests go the way of every operator's.
 //!
 //! | file | does |
 //! |---|---|

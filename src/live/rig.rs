@@ -1,4 +1,5 @@
-//! The rig as a viewer knows it: names, limits, by which angles directions are told, and from where to look at it.
+//! The rig as a viewer knows it: names, limits, by which angles directions are told, and from where to look
+//! at it.
 
 use std::path::PathBuf;
 
@@ -17,7 +18,8 @@ const IN_PLANE: f64 = 1e-3;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Angles {
-    /// One: from z towards the base's tangent, -180 to 180 deg. For rigs whose coils, base and gravity lie in one plane.
+    /// One: from z towards the base's tangent, -180 to 180 deg. For rigs whose coils, base and gravity lie in
+    /// one plane.
     Planar,
     /// Two: from z, 0 to 180 deg, and the azimuth about z from x, -180 to 180 deg.
     Spatial,
@@ -152,8 +154,8 @@ impl Rig {
         AnglesDeg { values, count: self.angles.count() }
     }
 
-    /// The direction of these angles, deg, the inverse of [`Self::angles_deg`]; `None` when they are not as many as the rig's
-    /// directions have, not finite or beyond a turn.
+    /// The direction of these angles, deg, the inverse of [`Self::angles_deg`]; `None` when they are not as
+    /// many as the rig's directions have, not finite or beyond a turn.
     #[must_use]
     pub fn direction(&self, angles_deg: &[f64]) -> Option<[f64; 3]> {
         let usable = |angle: &f64| angle.is_finite() && angle.abs() <= 360.0;

@@ -1,9 +1,9 @@
 //! The rod's centre line at the measured actuation, computed in the viewer's process.
 //!
-//! **Method.** The configuration's own model is solved at the measured currents and angles, starting from the equilibrium
-//! that was drawn before; when that fails, from rest. A model that finds none, or one that points elsewhere than the magnets
-//! do, is not drawn: then a curve goes from the clamp through the measured magnets, which are rigid, and between them along
-//! cubic Hermite segments
+//! **Method.** The configuration's own model is solved at the measured currents and angles, starting from the
+//! equilibrium that was drawn before; when that fails, from rest. A model that finds none, or one that points
+//! elsewhere than the magnets do, is not drawn: then a curve goes from the clamp through the measured
+//! magnets, which are rigid, and between them along cubic Hermite segments
 //! ```text
 //! c(s) = (2s^3 - 3s^2 + 1) p0 + (s^3 - 2s^2 + s) l t0 + (3s^2 - 2s^3) p1 + (s^3 - s^2) l t1          (h1)
 //! ```
@@ -20,7 +20,8 @@ use crate::config::Config;
 use crate::magnetics::{CoilArray, PosedArray};
 use crate::rod::{Manipulator, Pass, PassMode, TipLoad};
 
-/// Angle between a magnet's tangent in the model and as measured beyond which the model is on another branch, deg.
+/// Angle between a magnet's tangent in the model and as measured beyond which the model is on another branch,
+/// deg.
 const BRANCH_ANGLE_DEG: f64 = 30.0;
 /// Pictures for which a model that failed from rest is left alone: starting from rest takes milliseconds.
 const RESPITE: u32 = 20;

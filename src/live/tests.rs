@@ -120,7 +120,7 @@ fn history_keeps_a_minute_of_samples_and_loses_no_lateness() {
     assert_eq!(latest, [20.0, 500.0, 20.0], "the late cycle lies between two samples");
     let mut times = history.samples().map(|sample| sample.time_s);
     let first = times.next().expect("full");
-    assert!((times.last().expect("full") - first - 59.95).abs() < 1e-6);
+    assert!((times.next_back().expect("full") - first - 59.95).abs() < 1e-6);
     assert_eq!(history.since(0).count(), 1_200);
 }
 
@@ -242,4 +242,22 @@ fn viewer_attaches_notices_silence_and_attaches_again_to_another_daemon() {
     assert_eq!(viewer.history().taken(), 2);
     let misfit = viewer.set_target(&[vec![70.0]]).expect_err("two magnets").to_string();
     assert_eq!(misfit, "a target needs 1 finite angles for each of 2 magnets, within a turn");
+}
+
+#[test]
+fn sixteen_viewers_look_at_one_daemon() {
+    let (config, rig) = planar();
+    let root = PrivateRoot::create("lv").expect("shared memory is there");
+    let endpoint = root.endpoint("bigmag-planar").expect("short and own");
+    let services = OperatorServices::create(&endpoint).expect("nobody else serves this rig");
+    let mut server = services.into_server().expect("joined");
+    let mut viewers: Vec<Viewer> = (0..16).map(|_| Viewer::new(endpoint.clone(), &config, None)).collect();
+    let now = Stamp::now();
+    viewers.iter_mut().for_each(|viewer| viewer.look(now));
+    let status = StatusMessage { description_fingerprint: rig.fingerprint, ..StatusMessage::default() };
+    server.publish_status(status, now).expect("the transport works");
+    for viewer in &mut viewers {
+        viewer.look(now);
+        assert_eq!(viewer.link(now), Link::Attached);
+    }
 }

@@ -1,7 +1,7 @@
 //! A viewer: attached to one rig's status and journal, whatever the daemon does.
 //!
-//! The caller looks some twenty times a second, and draws what [`Viewer::figures`] says. Nothing here waits for the daemon,
-//! but [`Viewer::send`], which waits for an answer as every operator does.
+//! The caller looks some twenty times a second, and draws what [`Viewer::figures`] says. Nothing here waits
+//! for the daemon, but [`Viewer::send`], which waits for an answer as every operator does.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -19,7 +19,8 @@ use super::rod::{RodFigures, RodModel};
 use crate::config::Config;
 use crate::control::Directions;
 
-/// Between two attempts to find a daemon, and how long a silent one is listened to before its channel is opened anew.
+/// Between two attempts to find a daemon, and how long a silent one is listened to before its channel is
+/// opened anew.
 const RETRY: Duration = Duration::from_secs(1);
 const PATIENCE: Duration = Duration::from_secs(3);
 /// Between two looks at the journal.
@@ -63,8 +64,8 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// A viewer of the rig of `config` whose channels are at `endpoint`; `journal`: the folder of its journal, in place of the
-    /// configuration's.
+    /// A viewer of the rig of `config` whose channels are at `endpoint`; `journal`: the folder of its
+    /// journal, in place of the configuration's.
     #[must_use]
     pub fn new(endpoint: Endpoint, config: &Config, journal: Option<PathBuf>) -> Self {
         let rig = Rig::new(config);
@@ -126,6 +127,12 @@ impl Viewer {
             None => RodFigures::default(),
         };
         Figures::new(&self.rig, self.newest.as_ref(), (link, age_s, self.lifeline.restarts()), rod)
+    }
+
+    /// The status heard last; `None` before the first.
+    #[must_use]
+    pub const fn newest(&self) -> Option<&StatusMessage> {
+        self.newest.as_ref()
     }
 
     /// Facts of the rig.

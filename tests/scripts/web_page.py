@@ -153,8 +153,8 @@ class Rig:
     def plant(self):
         self.start("plant", "sim-plant", self.config)
 
-    def daemon(self):
-        self.start("daemon", "run", self.config)
+    def daemon(self, *arguments):
+        self.start("daemon", "run", self.config, *arguments)
 
     def web(self):
         child = self.start("web", "web", self.config, "--bind", "127.0.0.1:0", pipe=True)
@@ -297,6 +297,8 @@ def main():
     parser.add_argument("--config", required=True)
     parser.add_argument("--screens", help="folder for screenshots")
     arguments = parser.parse_args()
+    # What was started is ended, whoever ends this.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     chromedriver = shutil.which("chromedriver")
     if not chromium or not chromedriver:

@@ -24,10 +24,11 @@ const PERIOD: Duration = Duration::from_millis(100);
 /// How long the answer to a request is shown.
 const MESSAGE_TIME: Duration = Duration::from_secs(6);
 
-/// Watch a rig in the terminal: targets and angles against time, the rod, currents with their limits, timing, events.
+/// Watch a rig in the terminal: targets and angles against time, the rod, currents with their limits, timing,
+/// events.
 ///
-/// Keys hold, go, stop and more; ? shows them. To leave (q, Ctrl-C) never stops the rig. Waits for a daemon that is not
-/// there yet, and goes on with one that was started anew.
+/// Keys hold, go, stop and more; ? shows them. To leave (q, Ctrl-C) never stops the rig. Waits for a daemon
+/// that is not there yet, and goes on with one that was started anew.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  magsteer top config/bigmag-planar.toml")]
 pub struct Top {

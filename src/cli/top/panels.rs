@@ -59,7 +59,8 @@ fn frame_lines<'a>(screen: &'a Screen<'_>) -> impl Iterator<Item = Line<'a>> {
     })
 }
 
-/// `iron-bottom-right -3.21 A [    ███|      ]`: zero in the middle, limits at the ends, a stroke for the command.
+/// `iron-bottom-right -3.21 A [    ███|      ]`: zero in the middle, limits at the ends, a stroke for the
+/// command.
 fn coil_line(name: &str, coil: &CoilFigures, width: usize) -> Line<'static> {
     let room = width.saturating_sub(12);
     let name_width = NAME_WIDTH.min(room / 2);

@@ -52,7 +52,8 @@ pub fn of(rig: &Rig) -> Vec<Plot> {
     plots.collect()
 }
 
-/// The lines of one plot; a place for each of target, reference, predicted, measured: the last is drawn on top.
+/// The lines of one plot; a place for each of target, reference, predicted, measured: the last is drawn on
+/// top.
 type Lines = [Vec<(f64, f64)>; 4];
 
 fn lines(screen: &Screen<'_>, plot: &Plot) -> Lines {

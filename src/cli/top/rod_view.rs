@@ -18,6 +18,20 @@ const ROOM: f64 = 1.08;
 /// Length of the arrow that shows a target, relative to the workspace's radius.
 const ARROW: f64 = 0.28;
 
+/// Cells of a view that are its border.
+const BORDER: u16 = 2;
+
+/// Dots across the smaller side of a view.
+fn dots(width: u16, height: u16) -> f64 {
+    let [across, down] = [width, height].map(|cells| f64::from(cells.saturating_sub(BORDER)));
+    (across * DOTS[0]).min(down * DOTS[1])
+}
+
+/// Whether two views are larger one above the other than side by side.
+pub fn want_stacking(area: Rect) -> bool {
+    dots(area.width, area.height / 2) > dots(area.width / 2, area.height)
+}
+
 /// Draws one view.
 pub fn draw(screen: &Screen<'_>, view: &View, frame: &mut Frame<'_>, area: Rect) {
     let rig = screen.rig;

@@ -44,7 +44,7 @@ impl Screen<'_> {
             Constraint::Length(1),
         ])
         .areas(area);
-        frame.render_widget(self.head(), head);
+        frame.render_widget(self.head(area.width), head);
         frame.render_widget(self.alert(), alert);
         if area.width >= PICTURES_WIDTH_MIN && area.height >= PICTURES_HEIGHT_MIN {
             self.pictures(frame, body);
@@ -68,10 +68,13 @@ impl Screen<'_> {
         let plots = if body.width < WIDE { 1 } else { 2 };
         let [left, right] = Layout::horizontal([Constraint::Fill(plots), Constraint::Fill(1)]).areas(upper);
         self.plots(frame, left);
-        let tall = right.height >= right.width;
         let halves = [Constraint::Fill(1), Constraint::Fill(1)];
-        let views: [Rect; 2] =
-            if tall { Layout::vertical(halves) } else { Layout::horizontal(halves) }.areas(right);
+        let views: [Rect; 2] = if rod_view::want_stacking(right) {
+            Layout::vertical(halves)
+        } else {
+            Layout::horizontal(halves)
+        }
+        .areas(right);
         for (view, area) in self.rig.views.iter().zip(views) {
             rod_view::draw(self, view, frame, area);
         }
@@ -95,7 +98,7 @@ impl Screen<'_> {
         }
     }
 
-    fn head(&self) -> Line<'_> {
+    fn head(&self, width: u16) -> Line<'_> {
         let figures = self.figures;
         let style = if figures.link == Link::Attached {
             state_style(figures.state_code)
@@ -116,7 +119,9 @@ impl Screen<'_> {
             spans.push(Span::from(format!("{rate}  {} missed  margin ", figures.missed)));
             let margin = format!("{:.2}", figures.stability_margin);
             spans.push(if figures.stability_low { margin.red().bold() } else { margin.into() });
-            spans.push(Span::from(format!("  cycle {}", figures.cycle)).dim());
+            if width >= WIDE {
+                spans.push(Span::from(format!("  cycle {}", figures.cycle)).dim());
+            }
         }
         Line::from(spans)
     }

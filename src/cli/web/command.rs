@@ -27,8 +27,9 @@ const POLL: Duration = Duration::from_millis(50);
 
 /// Show a rig on a page: plots, the rod, currents, targets, a large STOP; and /metrics as OpenMetrics text.
 ///
-/// Whoever may log in on this machine can reach the page, and command the rig by it. The page fetches nothing from elsewhere.
-/// Waits for a daemon that is not there yet, and goes on with one that was started anew. To end it never stops the rig.
+/// Whoever may log in on this machine can reach the page, and command the rig by it. The page fetches nothing
+/// from elsewhere. Waits for a daemon that is not there yet, and goes on with one that was started anew. To
+/// end it never stops the rig.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  magsteer web config/bigmag-planar.toml\n  magsteer web --bind 127.0.0.1:8090\n  \

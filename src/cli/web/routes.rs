@@ -2,7 +2,7 @@
 //!
 //! | path | answer |
 //! |---|---|
-//! | `/`, `/page.css`, `/page.js`, `/icon.svg` | the page |
+//! | `/`, `/page.css`, `/page.js`, `/draw.js`, `/icon.svg` | the page |
 //! | `/events` | server-sent: `hello` once, then ten `frame`s a second |
 //! | `/metrics` | OpenMetrics text |
 //! | `POST /command` | `{"verb": "stop"}`, or `{"verb": "set-target", "angles_deg": [[70], [110]]}` |
@@ -32,6 +32,7 @@ use super::guard::{Guard, Refusal};
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = include_str!("page/page.js");
+const DRAWING: &str = include_str!("page/draw.js");
 const ICON: &str = include_str!("page/icon.svg");
 /// Where the page's markup takes the token of this process, and its name.
 const TOKEN_PLACE: &str = "{{token}}";
@@ -58,6 +59,7 @@ pub fn router(desk: Desk, guard: Guard) -> Router {
         .route("/", get(page))
         .route("/page.css", get(|| asset("text/css", STYLE)))
         .route("/page.js", get(|| asset("text/javascript", SCRIPT)))
+        .route("/draw.js", get(|| asset("text/javascript", DRAWING)))
         .route("/icon.svg", get(|| asset("image/svg+xml", ICON)))
         .route("/events", get(events))
         .route("/metrics", get(metrics))
