@@ -94,7 +94,9 @@ fn device_that_hears_nothing_any_more_goes_to_zero_by_itself() {
         far.serve_once();
     }
     assert!(far.currents()[0] < 1e-3);
-    // What it answers to the next one says so.
+    // What it answers to the next one says so; to whoever asks, here a socket whose queue is empty.
+    let socket = std::net::UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    socket.connect(far.address().expect("bound")).expect("loopback");
     let next = Request { sequence: sequence + 1, kind: kind::CUT, validity_us: 1, actuation };
     socket.send(&next.encode(3, 2)).expect("sent");
     far.serve_once();

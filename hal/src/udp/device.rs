@@ -13,6 +13,8 @@ use super::protocol::{Answer, DATAGRAM_MAX, Poses, Request, device_state, kind};
 
 /// Datagrams taken in one cycle: a far side that floods must not hold the loop.
 const DATAGRAMS_MAX: usize = 64;
+/// An answer that took longer says nothing of the present: the next one is under way.
+const ANSWER_AGE_MAX: Duration = Duration::from_millis(50);
 /// Reported when the device went to zero by itself though requests were sent: it did not get them in time.
 const FAULT_EXPIRED: u32 = 0x8000_0001;
 
@@ -116,6 +118,9 @@ impl UdpDevice {
             return;
         }
         self.answered = answer.sequence;
+        if Stamp::now().since(sent) > ANSWER_AGE_MAX {
+            return;
+        }
         let expired = answer.state == device_state::EXPIRED && self.was_followed;
         let fault = if answer.fault == 0 && expired { FAULT_EXPIRED } else { answer.fault };
         // It measured after the request was sent; so the stamp is never too young.
