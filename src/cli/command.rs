@@ -1,5 +1,7 @@
 //! The list of subcommands.
 
+#[cfg(feature = "shell")]
+use clap::CommandFactory;
 use clap::{Parser, Subcommand};
 use magsteer_hal::operator::verb;
 
@@ -29,6 +31,8 @@ use super::report::Report;
 use super::run::Run;
 use super::runs::Runs;
 use super::shape::Shape;
+#[cfg(feature = "shell")]
+use super::shell::{Completions, Man};
 #[cfg(feature = "sim")]
 use super::sim_plant::SimPlant;
 #[cfg(feature = "sim")]
@@ -105,6 +109,10 @@ pub enum Command {
     Plan(Plan),
     Reach(Reach),
     Tune(Tune),
+    #[cfg(feature = "shell")]
+    Completions(Completions),
+    #[cfg(feature = "shell")]
+    Man(Man),
 }
 
 impl Command {
@@ -150,6 +158,10 @@ impl Command {
             Self::Plan(command) => command.run(),
             Self::Reach(command) => command.run(),
             Self::Tune(command) => command.run(),
+            #[cfg(feature = "shell")]
+            Self::Completions(command) => command.run(Cli::command()),
+            #[cfg(feature = "shell")]
+            Self::Man(command) => command.run(Cli::command()),
         }
     }
 }

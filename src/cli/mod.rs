@@ -56,6 +56,8 @@ mod run_pictures;
 mod runs;
 mod shape;
 mod shape_answer;
+#[cfg(feature = "shell")]
+mod shell;
 mod shipped;
 #[cfg(feature = "sim")]
 mod sim_faults;

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# System calls of the control loop's thread while it steers, counted by strace (Debian package strace). Between a joining
-# and a leaving peer there must be one a cycle: the wait for the next deadline. The clock is read without any.
+# System calls of the control loop's thread while it steers and faults come and go (config/faults/flicker.toml), counted by strace
+# (Debian package strace). Between a joining and a leaving peer there must be one a cycle: the wait for the next deadline. The clock is
+# read without any. Prints allocations of the loop too, beyond the transport's one a message: none.
 #
 #   tests/scripts/loop_system_calls.sh [PROGRAM]
 #
@@ -27,7 +28,7 @@ trap finish EXIT
 
 state() { "$program" status "$file" --root "$root" --json 2>/dev/null | grep -o '"state":"[a-z-]*"' | cut -d'"' -f4; }
 
-"$program" sim-plant "$file" --root "$root" >/dev/null 2>&1 &
+"$program" sim-plant "$file" --root "$root" --allow-faults --fault-plan "$here/config/faults/flicker.toml" >/dev/null 2>"$root/plant.err" &
 plant=$!
 "$program" run "$file" --root "$root" --arm >/dev/null 2>"$root/daemon.err" &
 daemon=$!
@@ -43,6 +44,7 @@ done
 [ -n "$loop" ] || { echo "the daemon has no loop; it said:" >&2; cat "$root/daemon.err" >&2; exit 1; }
 timeout --signal=INT "$seconds" strace -qq -c -p "$loop" -o "$counts" || true
 cat "$counts"
-echo "state at the end: $(state || true)"
+"$program" status "$file" --root "$root" --json | grep -oE '"(state|cycle|missed|alloc_in_cycle)":[^,}]*' | tr '\n' ' '
+echo
 awk '$NF ~ /^[a-z_0-9]+$/ && $4 ~ /^[0-9]+$/ && $NF != "total" && $NF !~ /^(clock_nanosleep|restart_syscall)/ { other = 1; print "not expected: " $0 }
      END { exit other }' "$counts"

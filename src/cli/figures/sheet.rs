@@ -201,7 +201,6 @@ impl Chart {
             .with_y_label(self.y.label.clone())
             .with_label_size(TEXT_SIZE)
             .with_tick_size(TEXT_SIZE - 2)
-            .with_body_size(TEXT_SIZE)
             .with_ticks(4)
             .with_x_axis_min(x.0)
             .with_x_axis_max(x.1)

@@ -20,7 +20,7 @@ pub fn actuation(run: &Run) -> Sheet {
     if !rig.frames.is_empty() {
         let frames = rig.frames.iter().enumerate().map(|(index, frame)| {
             let points = curve(run, |sample| sample.angles.get(index).map(|angle| angle.to_degrees()));
-            Trace::new(format!("frame {}", frame.name), Look::Line(index), points)
+            Trace::new(format!("frame {}", frame.name), Look::Line(rig.coils.len() + index), points)
         });
         let least = rig.frames.iter().fold(0.0_f64, |least, frame| least.min(frame.angle_min)).to_degrees();
         let most = rig.frames.iter().fold(0.0_f64, |most, frame| most.max(frame.angle_max)).to_degrees();
@@ -64,7 +64,7 @@ pub fn margins(run: &Run) -> Sheet {
     Sheet {
         name: "margins",
         caption: "While steering: margin of stability (1 at rest, 0 where the rod snaps through; grey: where the loop holds), condition of the \
-                  scaled Jacobian, and number of currents and angles at a limit of value or rate."
+                  scaled Jacobian, and number of currents and angles at a limit of value or rate, frames that are held among them."
             .to_owned(),
         columns: 1,
         height: 150.0,
@@ -82,7 +82,7 @@ pub fn timing(run: &Run) -> Sheet {
     let chart = |title: &str, values: &[f64]| Chart {
         title: Some(title.to_owned()),
         x: Axis::new("time (us)").logarithmic(),
-        y: Axis::new("share of cycles above").logarithmic(),
+        y: Axis::new("share above").logarithmic(),
         traces: vec![Trace::new("", Look::Line(0), exceeded(values))],
         ..Chart::default()
     };

@@ -24,21 +24,23 @@ pub fn field(run: &Run) -> Sheet {
     }
     let charts = types.iter().map(|coil| {
         let from = coil.valid_from_x;
-        let whole = Multipole::new(&coil.coefficients);
-        let dipole = Multipole::new(&coil.coefficients[..1]);
-        let curve = |series: &Multipole| -> Vec<(f64, f64)> {
+        let field = |series: &Multipole, x: f64| {
             let pose = CoilPose { origin: Vector3::zeros(), axis: Vector3::x() };
-            (0..=POINTS)
-                .map(|index| {
-                    let x = from + (FIELD_REACH - from) * f64::from(index) / f64::from(POINTS);
-                    let field = series.evaluate(&pose, &Vector3::new(x, 0.0, 0.0)).field;
-                    (x * 1e3, field.x * coil.current_max * 1e3)
-                })
-                .collect()
+            series.evaluate(&pose, &Vector3::new(x, 0.0, 0.0)).column.field.x
+        };
+        let along =
+            || (0..=POINTS).map(|index| from + (FIELD_REACH - from) * f64::from(index) / f64::from(POINTS));
+        let whole = Multipole::new(&coil.coefficients);
+        let unit = Multipole::new(&[1.0]);
+        // The dipole nearest to the series in least squares along the axis: one unknown.
+        let products = along().map(|x| field(&unit, x) * field(&whole, x)).sum::<f64>();
+        let dipole = Multipole::new(&[products / along().map(|x| field(&unit, x).powi(2)).sum::<f64>()]);
+        let curve = |series: &Multipole| -> Vec<(f64, f64)> {
+            along().map(|x| (x * 1e3, field(series, x) * coil.current_max * 1e3)).collect()
         };
         Chart {
             title: Some(format!("{} coil", coil.coil_type)),
-            x: Axis::new("distance along the axis (mm)"),
+            x: Axis::new("distance (mm)"),
             y: Axis::new(format!("field at {} A (mT)", coil.current_max)).logarithmic(),
             traces: vec![
                 Trace::new(
@@ -46,15 +48,15 @@ pub fn field(run: &Run) -> Sheet {
                     Look::Line(0),
                     curve(&whole),
                 ),
-                Trace::new("dipole (P = 1)", Look::Line(1), curve(&dipole)),
+                Trace::new("nearest dipole (P = 1)", Look::Line(1), curve(&dipole)),
             ],
             ..Chart::default()
         }
     });
     Sheet {
         name: "field",
-        caption: "Field of each type of coil on its axis by the series of the configuration, from where that holds, and by its first term \
-                  alone. `magsteer field fit` draws it beside measurements."
+        caption: "Field of each type of coil on its axis by the series of the configuration, from where that holds, and by the dipole \
+                  that comes nearest to it there. `magsteer field fit` draws both beside measurements."
             .to_owned(),
         columns: 2,
         height: 220.0,
@@ -92,7 +94,7 @@ pub fn forces(run: &Run) -> Option<Sheet> {
         run.magnets().iter().zip(with.into_iter().zip(without)).map(|(name, (with, without))| Chart {
             title: Some(name.clone()),
             x: Axis::new("step").between(0.5, steps + 0.5),
-            y: Axis::new("model off measurement (deg)").between(0.0, 1.1 * most.max(1e-3)),
+            y: Axis::new("model error (deg)").between(0.0, 1.1 * most.max(1e-3)),
             traces: vec![
                 Trace::new("torques and forces", Look::Dots(0), with),
                 Trace::new("torques alone", Look::Dots(1), without),

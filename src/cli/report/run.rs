@@ -22,7 +22,6 @@ pub struct Sample {
     /// Since the recording began, s.
     pub time: f64,
     pub target: Vec<[f64; 3]>,
-    pub desired: Vec<[f64; 3]>,
     pub measured: Vec<[f64; 3]>,
     pub predicted: Vec<[f64; 3]>,
     /// Measured, A.
@@ -86,7 +85,8 @@ impl Run {
             let message = anyhow!("{}: holds no cycle", recording.path().display());
             return Err(Failure::with(Exit::Data, message));
         }
-        let events = recording.events().map_err(refused_recording)?.into_iter().map(|event| event.text).collect();
+        let events =
+            recording.events().map_err(refused_recording)?.into_iter().map(|event| event.text).collect();
         Ok(Self {
             description: recording.description().to_owned(),
             counts: recording.counts().map_err(refused_recording)?,
@@ -150,7 +150,6 @@ impl Gathered {
             self.samples.push(Sample {
                 time: self.time,
                 target: cycle.target.clone(),
-                desired: cycle.desired.clone(),
                 measured: cycle.measured.clone(),
                 predicted: cycle.predicted.clone(),
                 currents: cycle.measured_a.clone(),
