@@ -17,6 +17,9 @@ use super::rig_file::{RootArgs, channel_failure, keep_files_private};
 use super::run_files::RunFiles;
 use super::shipped;
 
+/// How long a daemon that was told to end at the same time may take to ramp down.
+const COMPANION_GRACE: Duration = Duration::from_secs(5);
+
 /// Record every cycle of a running daemon as MCAP, until its loop or this command ends.
 ///
 /// What is recorded begins when this command is started; `magsteer run --record` records from the first cycle. The loop
@@ -66,6 +69,7 @@ impl Record {
             info: Info::here(&config.description, rate_hz, &resolved.sha256, &self.description),
             config_digest: config_digest(&resolved.sha256),
             config_text: resolved.text,
+            grace: if self.as_companion { COMPANION_GRACE } else { Duration::ZERO },
         };
         let stop = Arc::new(StopFlag::new());
         let attached = || self.say_attached(&files);
