@@ -158,6 +158,36 @@ fn files_that_are_no_recordings_are_refused_with_the_reason() {
     assert!(matches!(twice, RecordingError::Create { .. }), "{twice}");
 }
 
+/// Goal: fields that this version does not know are not guessed at.
+#[test]
+fn a_recording_of_another_version_is_refused_and_names_both() {
+    let subject = planar();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("other.mcap");
+    let mut info = subject.info("");
+    info.program = "9.9.9".to_owned();
+    let file = fs::File::create(&path).expect("room");
+    let mut writer = mcap::Writer::new(std::io::BufWriter::new(file)).expect("room");
+    let metadata = mcap::records::Metadata { name: "magsteer".to_owned(), metadata: info.to_metadata() };
+    writer.write_metadata(&metadata).expect("room");
+    let data = std::borrow::Cow::Borrowed(&b"[rig]"[..]);
+    let (name, media_type) = ("config.toml".to_owned(), String::new());
+    let config = mcap::Attachment { log_time: 0, create_time: 0, name, media_type, data };
+    writer.attach(&config).expect("room");
+    let schema = writer.add_schema("magsteer_msgs/msg/Cycle", "ros2msg", b"uint64 other\n").expect("room");
+    let channel = writer.add_channel(schema, "/rig/cycle", "cdr", &Default::default()).expect("room");
+    let header =
+        mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 0, publish_time: 0 };
+    writer.write_to_known_channel(&header, &[0; 12]).expect("room");
+    writer.finish().expect("room");
+    drop(writer);
+    let recording = Recording::open(&path).expect("its head is known");
+    let refused = recording.cycles().expect("there").next().expect("one").expect_err("other fields");
+    let words = refused.to_string();
+    assert!(words.contains("version 9.9.9") && words.contains(env!("CARGO_PKG_VERSION")), "{words}");
+    assert!(matches!(refused, RecordingError::Version { .. }));
+}
+
 /// Goal: a table holds what the cycles hold, under names that end in their unit.
 #[test]
 fn a_recording_is_exported_as_csv_with_every_number() {

@@ -77,7 +77,7 @@ impl Record {
             &stop,
             self.as_companion,
             || (),
-            || record(&endpoint, wait, plan, &stop, attached, &|words| output::error(words)),
+            || record(&endpoint, wait, plan, &stop, attached, &|words| output::note(words)),
         )?;
         self.tell(&report.map_err(failure)?, &stop)
     }
