@@ -5,8 +5,8 @@
 //!            (never waits)  takes, counts           encodes, writes twice a second
 //! ```
 //!
-//! A disk that is slow, full or gone fills the queue and the writer's memory, both bounded; beyond that cycles
-//! are lost and counted, and the daemon does not notice.
+//! A disk that is slow, full or gone fills the queue and the writer's memory, both bounded; beyond that
+//! cycles are lost and counted, and the daemon does not notice.
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
@@ -50,8 +50,8 @@ pub struct RecordingPlan {
     pub config_text: String,
     /// As [`RecordBatch::config_digest`].
     pub config_digest: u64,
-    /// How long the loop's end is waited for when told to end: a service manager tells both at once, and the ramp
-    /// to zero is to be recorded.
+    /// How long the loop's end is waited for when told to end: a service manager tells both at once, and the
+    /// ramp to zero is to be recorded.
     pub grace: Duration,
 }
 
@@ -108,8 +108,8 @@ pub struct RecordReport {
     pub error: Option<String>,
 }
 
-/// Records the rig's daemon until its loop ends or `stop` is requested. `attached` is called when nothing that
-/// is published from now on is missed, `warn` when the disk takes nothing, and when it does again.
+/// Records the rig's daemon until its loop ends or `stop` is requested. `attached` is called when nothing
+/// that is published from now on is missed, `warn` when the disk takes nothing, and when it does again.
 ///
 /// # Errors
 /// When there is no daemon within `wait`, it runs another configuration, or the file cannot be made.
