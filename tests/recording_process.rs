@@ -68,6 +68,8 @@ fn a_recorded_run_leaves_a_folder_with_every_cycle_that_replays() {
     let mut operator = world.operator();
     operator.steer();
     let_it_run(&mut operator, 500);
+    // A service manager tells every process of a service at once: the ramp to zero is recorded all the same.
+    kill_process(recorder_of(&daemon), Signal::TERM).expect("the recorder runs");
     let end = daemon.end();
     drop(plant);
     assert_eq!(end.code, Some(0), "{}", end.said);

@@ -77,8 +77,8 @@ impl AbsenceMessage {
         Self { expected, actual, code, reserved: 0 }
     }
 
-    /// The reason, but for the words that numbers do not carry; `None` when nothing was refused, or for a code
-    /// that this version does not know.
+    /// The reason, but for the words that numbers do not carry; `None` when nothing was refused, or for a
+    /// code that this version does not know.
     #[must_use]
     pub fn absent(&self) -> Option<Absent> {
         let Self { expected, actual, .. } = *self;

@@ -17,12 +17,15 @@ use super::rig_file::{RootArgs, channel_failure, keep_files_private};
 use super::run_files::RunFiles;
 use super::shipped;
 
+/// How long a daemon that was told to end at the same time may take to ramp down.
+const COMPANION_GRACE: Duration = Duration::from_secs(5);
+
 /// Record every cycle of a running daemon as MCAP, until its loop or this command ends.
 ///
-/// What is recorded begins when this command is started; `magsteer run --record` records from the first cycle. The loop
-/// does not notice: neither when this process is slow, nor when it is killed. Ends with 0 when the loop's end was
-/// recorded and no cycle on the way was lost, with 1 when cycles were lost, with 74 when the disk did not take them,
-/// with 130 after Ctrl-C.
+/// What is recorded begins when this command is started; `magsteer run --record` records from the first
+/// cycle. The loop does not notice: neither when this process is slow, nor when it is killed. Ends with 0
+/// when the loop's end was recorded and no cycle on the way was lost, with 1 when cycles were lost, with 74
+/// when the disk did not take them, with 130 after Ctrl-C.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  magsteer record config/bigmag-planar.toml --out runs/today --description \"before the new magnet\""
@@ -45,7 +48,8 @@ pub struct Record {
     /// Print one JSON object at the end.
     #[arg(long)]
     json: bool,
-    /// Say on standard output when it listens, and end when standard input closes: for a daemon that starts it.
+    /// Say on standard output when it listens, and end when standard input closes: for a daemon that starts
+    /// it.
     #[arg(long, hide = true)]
     as_companion: bool,
 }
@@ -66,6 +70,7 @@ impl Record {
             info: Info::here(&config.description, rate_hz, &resolved.sha256, &self.description),
             config_digest: config_digest(&resolved.sha256),
             config_text: resolved.text,
+            grace: if self.as_companion { COMPANION_GRACE } else { Duration::ZERO },
         };
         let stop = Arc::new(StopFlag::new());
         let attached = || self.say_attached(&files);
@@ -73,7 +78,7 @@ impl Record {
             &stop,
             self.as_companion,
             || (),
-            || record(&endpoint, wait, plan, &stop, attached, &|words| output::error(words)),
+            || record(&endpoint, wait, plan, &stop, attached, &|words| output::note(words)),
         )?;
         self.tell(&report.map_err(failure)?, &stop)
     }

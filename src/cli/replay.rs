@@ -17,8 +17,8 @@ const FIELDS_SHOWN: usize = 12;
 
 /// Feed a recording's ticks, messages and requests to the same control loop and compare its commands.
 ///
-/// Ends with 0 when every command came out bit for bit; with --check, with 1 at the first cycle that did not. With 65 when
-/// cycles are missing in the recording, since what the loop was by then is not known.
+/// Ends with 0 when every command came out bit for bit; with --check, with 1 at the first cycle that did not.
+/// With 65 when cycles are missing in the recording, since what the loop was by then is not known.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  magsteer replay runs/run-20261122-141500 --check\n  \
     magsteer replay runs/run-20261122-141500 --set control.disturbance.tracking_per_s=10")]
@@ -32,7 +32,8 @@ pub struct Replay {
     /// Another configuration of the same rig, in place of the recorded one.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Another number in the configuration, as control.disturbance.tracking_per_s=10; may be given several times.
+    /// Another number in the configuration, as control.disturbance.tracking_per_s=10; may be given several
+    /// times.
     #[arg(long, value_name = "KEY=NUMBER")]
     set: Vec<String>,
     /// Print one JSON object.

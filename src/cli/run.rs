@@ -91,8 +91,10 @@ impl Run {
         let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;
         match report {
             Ok(report) => {
+                // Told first: a disk that takes no summary must not keep the report from whoever waits for it.
+                let exit = self.tell(&report, &stop)?;
                 files.end(&report)?;
-                self.tell(&report, &stop)
+                Ok(exit)
             }
             Err(RunError::Interrupted) => Ok(exit_of(&stop)),
             Err(RunError::Channel(error)) => Err(channel_failure(error)),

@@ -1,7 +1,7 @@
 //! The records of an MCAP file in their order, as far as they are whole: what readers and recovery share.
 //!
-//! The index at the end of a file is not needed: a file that was cut has none. A chunk counts as a whole or not
-//! at all, by its checksum. Memory is bounded by the longest record.
+//! The index at the end of a file is not needed: a file that was cut has none. A chunk counts as a whole or
+//! not at all, by its checksum. Memory is bounded by the longest record.
 //!
 //! Source: the MCAP specification, version 0 (<https://mcap.dev/spec>).
 

@@ -108,7 +108,8 @@ cycle! {
     transition_cause: u32 = Cycle,
     /// Cause code of a target given up, 0 without one.
     given_up: u32 = Cycle,
-    /// What might be sent: 0 nothing, 1 claim, 2 rest, 3 begin, 4 follow, 5 hold, 6 ramp down, 7 release, 8 disable.
+    /// What might be sent: 0 nothing, 1 claim, 2 rest, 3 begin, 4 follow, 5 hold, 6 ramp down, 7 release, 8
+    /// disable.
     directive: u32 = Cycle,
     /// Order sent: 0 release, 1 claim, 2 drive, 3 ramp down, 4 disable; 4294967295 when nothing was.
     order: u32 = Cycle,
@@ -120,7 +121,8 @@ cycle! {
     engaged: u32 = Cycle,
     /// Time that the controller stepped by.
     period_s: f64 = Cycle,
-    /// Verb of the request taken: 0 none, 1 arm, 2 go, 3 hold, 4 stop, 5 reset, 6 estop, 7 target, 1000 terminate.
+    /// Verb of the request taken: 0 none, 1 arm, 2 go, 3 hold, 4 stop, 5 reset, 6 estop, 7 target, 1000
+    /// terminate.
     request_verb: u32 = Cycle,
     /// Number under which it is answered.
     request_id: u32 = Cycle,

@@ -91,9 +91,9 @@ fn write_row(output: &mut impl Write, fields: &[Vec<Number>], widths: &[usize]) 
     output.write_all(b"\n")
 }
 
-/// Writes an array for every field: its first axis is the cycle, its second the coil, frame or magnet, its third
-/// x, y, z and w. Names stand in `coil_names`, `frame_names` and `magnet_names`. What a cycle does not have is
-/// not a number, or 0 among counts.
+/// Writes an array for every field: its first axis is the cycle, its second the coil, frame or magnet, its
+/// third x, y, z and w. Names stand in `coil_names`, `frame_names` and `magnet_names`. What a cycle does not
+/// have is not a number, or 0 among counts.
 ///
 /// # Errors
 /// When the recording cannot be read, the file cannot be written, or would be longer than the format allows.

@@ -28,8 +28,8 @@ pub struct Info {
     pub rate_hz: f64,
     /// When the recording began, RFC 3339.
     pub started: String,
-    /// To be added to a stamp of `CLOCK_MONOTONIC` for nanoseconds since 1970, by the clock on the wall when the
-    /// recording began.
+    /// To be added to a stamp of `CLOCK_MONOTONIC` for nanoseconds since 1970, by the clock on the wall when
+    /// the recording began.
     pub wall_offset_ns: u64,
     /// SHA-256 of the resolved configuration.
     pub config_sha256: String,

@@ -25,9 +25,9 @@
 //! Profile `ros2`: CDR messages with `ros2msg` schemas. `/RIG/cycle` (`magsteer_msgs/msg/Cycle`) holds every
 //! cycle with all that it was given and made of it, bit for bit: [`Cycle`]. Views of it for other programs,
 //! every 10 ms at most: `/RIG/MAGNET/measured_cp` and `setpoint_cp` (`geometry_msgs/msg/PoseStamped`),
-//! `/RIG/measured_js` and `setpoint_js` (`sensor_msgs/msg/JointState`; joints `NAME_a` are currents, `NAME_rad`
-//! angles). `/RIG/events` (`rcl_interfaces/msg/Log`): what happened. Attachments: the resolved configuration and the
-//! description; metadata `magsteer`: [`Info`]; `magsteer-end`: how it ended.
+//! `/RIG/measured_js` and `setpoint_js` (`sensor_msgs/msg/JointState`; joints `NAME_a` are currents,
+//! `NAME_rad` angles). `/RIG/events` (`rcl_interfaces/msg/Log`): what happened. Attachments: the resolved
+//! configuration and the description; metadata `magsteer`: [`Info`]; `magsteer-end`: how it ended.
 //!
 //! | file | does |
 //! |---|---|

@@ -1,7 +1,7 @@
 //! Arrays as NumPy keeps them: `.npy` files, stored without compression in a ZIP.
 //!
-//! Sources: NumPy, *NEP 1, a simple file format for NumPy arrays*, version 1.0; PKWARE, *APPNOTE.TXT, .ZIP file
-//! format specification*, 6.3.
+//! Sources: NumPy, *NEP 1, a simple file format for NumPy arrays*, version 1.0; PKWARE, *APPNOTE.TXT, .ZIP
+//! file format specification*, 6.3.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};

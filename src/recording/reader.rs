@@ -200,7 +200,8 @@ impl Recording {
     }
 }
 
-/// True when `cycle` is the one after `previous`, the number of a period; without one when it is a run's first.
+/// True when `cycle` is the one after `previous`, the number of a period; without one when it is a run's
+/// first.
 #[must_use]
 pub fn follows(previous: Option<u64>, cycle: &Cycle) -> bool {
     cycle.number == previous.map_or(0, |number| number + 1) + cycle.missed

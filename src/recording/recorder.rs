@@ -5,9 +5,10 @@
 //!            (never waits)  takes, counts           encodes, writes twice a second
 //! ```
 //!
-//! A disk that is slow, full or gone fills the queue and the writer's memory, both bounded; beyond that cycles
-//! are lost and counted, and the daemon does not notice.
+//! A disk that is slow, full or gone fills the queue and the writer's memory, both bounded; beyond that
+//! cycles are lost and counted, and the daemon does not notice.
 
+use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -35,6 +36,8 @@ const QUEUE: usize = 2_048;
 const WAITING_MAX: usize = 128 << 20;
 /// A daemon that publishes nothing for so long is gone: its loop publishes whatever it does.
 const SILENCE_MAX: Duration = Duration::from_secs(10);
+/// The same when this process was told to end.
+const SILENCE_ENDED: Duration = Duration::from_secs(1);
 
 /// What to record.
 #[derive(Debug, Clone)]
@@ -47,6 +50,9 @@ pub struct RecordingPlan {
     pub config_text: String,
     /// As [`RecordBatch::config_digest`].
     pub config_digest: u64,
+    /// How long the loop's end is waited for when told to end: a service manager tells both at once, and the
+    /// ramp to zero is to be recorded.
+    pub grace: Duration,
 }
 
 /// Why nothing could be recorded.
@@ -102,8 +108,8 @@ pub struct RecordReport {
     pub error: Option<String>,
 }
 
-/// Records the rig's daemon until its loop ends or `stop` is requested. `attached` is called when nothing that
-/// is published from now on is missed, `warn` when the disk takes nothing, and when it does again.
+/// Records the rig's daemon until its loop ends or `stop` is requested. `attached` is called when nothing
+/// that is published from now on is missed, `warn` when the disk takes nothing, and when it does again.
 ///
 /// # Errors
 /// When there is no daemon within `wait`, it runs another configuration, or the file cannot be made.
@@ -125,14 +131,15 @@ pub fn record(
     }
     let mut observer = RecordObserver::open(endpoint, wait)?;
     let (queue, batches) = sync_channel(QUEUE);
-    let config_digest = plan.config_digest;
+    let (config_digest, grace) = (plan.config_digest, plan.grace);
     std::thread::scope(|scope| {
         let writer = std::thread::Builder::new()
             .name("magsteer-writer".to_owned())
             .spawn_scoped(scope, move || Scribe::new(plan, warn).serve(&batches))
             .map_err(RecorderError::Thread)?;
         attached();
-        let taken = take(&mut observer, &queue, config_digest, stop, &|| writer.is_finished());
+        let taken =
+            take(&mut observer, &queue, config_digest, &Asked::new(stop, grace), &|| writer.is_finished());
         drop(queue);
         let report = writer.join().map_err(|_| RecorderError::WriterPanicked)?;
         let why = taken?;
@@ -140,18 +147,39 @@ pub fn record(
     })
 }
 
+/// When it was told to end.
+struct Asked<'a> {
+    stop: &'a StopFlag,
+    grace: Duration,
+    since: OnceCell<Instant>,
+}
+
+impl<'a> Asked<'a> {
+    fn new(stop: &'a StopFlag, grace: Duration) -> Self {
+        Self { stop, grace, since: OnceCell::new() }
+    }
+
+    /// True when it is to end at last, the daemon having been heard last at `heard`.
+    fn is_time(&self, heard: Option<Instant>) -> bool {
+        let waited = self.since.get_or_init(Instant::now).elapsed();
+        // A loop that still runs is heard every few milliseconds.
+        let is_heard = heard.is_some_and(|heard| heard.elapsed() < SILENCE_ENDED);
+        waited >= self.grace || !is_heard && waited >= SILENCE_ENDED
+    }
+}
+
 /// Takes batches until something ends it.
 fn take(
     observer: &mut RecordObserver,
     queue: &SyncSender<Box<RecordBatch>>,
     config_digest: u64,
-    stop: &StopFlag,
+    asked: &Asked<'_>,
     writer_is_gone: &dyn Fn() -> bool,
 ) -> Result<Why, RecorderError> {
     let mut heard: Option<Instant> = None;
     let (mut is_last, mut is_other) = (false, false);
     loop {
-        let asked = stop.requested().is_some();
+        let is_asked = asked.stop.requested().is_some();
         let restarts = observer.loss().restarts;
         let mut life = None;
         observer.drain(Stamp::now(), |batch| {
@@ -176,7 +204,7 @@ fn take(
             return Ok(Why::DaemonGone);
         }
         // Asked before the last look, so that nothing published before is missed.
-        if asked || writer_is_gone() {
+        if is_asked && asked.is_time(heard) || writer_is_gone() {
             return Ok(Why::Asked);
         }
         std::thread::sleep(POLL);

@@ -31,8 +31,8 @@ pub struct Recovered {
     pub was_whole: bool,
 }
 
-/// Copies every whole record of `source`, up to where it was cut, into `target`, which must not be there yet, and
-/// gives that an end and an index. The source is not touched.
+/// Copies every whole record of `source`, up to where it was cut, into `target`, which must not be there yet,
+/// and gives that an end and an index. The source is not touched.
 ///
 /// # Errors
 /// When the source cannot be read or is no MCAP, or the target cannot be written.

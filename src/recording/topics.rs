@@ -1,7 +1,8 @@
 //! Views of a cycle in the standard messages of ROS, with the names of CRTK: a thinned copy for viewers; the
 //! whole of it stands in [`super::Cycle`].
 //!
-//! Source of the names: Collaborative Robotics Toolkit, *Robot API, motion* (<https://crtk-robotics.readthedocs.io>).
+//! Source of the names: Collaborative Robotics Toolkit, *Robot API, motion*
+//! (<https://crtk-robotics.readthedocs.io>).
 
 use magsteer_hal::operator::{cause, state, verb};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};

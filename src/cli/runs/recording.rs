@@ -91,8 +91,8 @@ pub fn is_recording(path: &Path) -> bool {
     path.is_dir() || path.extension().is_some_and(|extension| extension == "mcap")
 }
 
-/// The stable keys are `rig`, `rate_hz`, `description`, `cycles`, `duration_s`, `holes`, `whole`, `is_complete` and
-/// `events`.
+/// The stable keys are `rig`, `rate_hz`, `description`, `cycles`, `duration_s`, `holes`, `whole`,
+/// `is_complete` and `events`.
 #[derive(Serialize)]
 struct Answer<'a> {
     file: &'a Path,
