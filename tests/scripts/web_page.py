@@ -96,8 +96,10 @@ class Browser:
         return self.post("/element", {"using": "css selector", "value": f"#{identity}"})[ELEMENT]
 
     def click(self, identity):
-        """Clicks as a pointer does: fails when something lies over the element."""
-        self.post(f"/element/{self.element(identity)}/click", {})
+        """Clicks as a pointer does, where a person would have scrolled to: fails when something lies over the element."""
+        element = self.element(identity)
+        self.run("arguments[0].scrollIntoView({block: 'center'})", {ELEMENT: element})
+        self.post(f"/element/{element}/click", {})
 
     def drag(self, identity, share):
         """Presses in the middle of a slider and lets go at a share of its width from there."""
