@@ -11,6 +11,8 @@ use magsteer::live::Viewer;
 use magsteer_hal::Stamp;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event, KeyEventKind};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 
 use super::keys::{Action, Ui};
 use super::screen::Screen;
@@ -46,7 +48,7 @@ impl Top {
     pub fn run(&self) -> anyhow::Result<Exit> {
         let config = self.rig.load(self.file.as_deref())?;
         let endpoint = self.rig.endpoint(self.file.as_deref())?;
-        if !io::stdout().is_terminal() {
+        if !io::stdout().is_terminal() || !io::stdin().is_terminal() {
             return Err(Failure::usage(
                 "top draws in a terminal; for a script there is `magsteer status --watch --json`",
             ));
@@ -71,6 +73,29 @@ impl Top {
     }
 }
 
+/// What a terminal has for its reader.
+enum Input {
+    None,
+    There,
+    /// Nobody types there any more.
+    Gone,
+}
+
+/// Waits for input. Whoever reads a terminal that is gone gets nothing, at once, for ever: crossterm then reads
+/// without end, and a core that the loop may need is busy.
+fn wait_for_input(patience: Duration) -> io::Result<Input> {
+    let stdin = io::stdin();
+    let mut asked = [PollFd::new(&stdin, PollFlags::IN)];
+    let patience = Timespec::try_from(patience).map_err(io::Error::other)?;
+    match poll(&mut asked, Some(&patience)) {
+        // A signal, as that of a changed size.
+        Ok(0) | Err(Errno::INTR) => Ok(Input::None),
+        Ok(_) if asked[0].revents() == PollFlags::IN => Ok(Input::There),
+        Ok(_) => Ok(Input::Gone),
+        Err(error) => Err(error.into()),
+    }
+}
+
 fn show(terminal: &mut DefaultTerminal, viewer: &mut Viewer, stop: &StopFlag) -> io::Result<()> {
     let mut ui = Ui::default();
     let mut answered = Instant::now();
@@ -88,7 +113,12 @@ fn show(terminal: &mut DefaultTerminal, viewer: &mut Viewer, stop: &StopFlag) ->
                 Screen { rig: viewer.rig(), figures: &figures, history: viewer.history(), events, ui: &ui };
             terminal.draw(|frame| screen.draw(frame))?;
         }
-        if !event::poll(next.saturating_duration_since(Instant::now()))? {
+        match wait_for_input(next.saturating_duration_since(Instant::now()))? {
+            Input::None => continue,
+            Input::Gone => break,
+            Input::There => {}
+        }
+        if !event::poll(Duration::ZERO)? {
             continue;
         }
         // A changed size is drawn at once, as any key's effect is.

@@ -13,7 +13,7 @@ use super::screen::{Screen, block, level_style};
 /// Coils beyond which bars stand in two columns.
 const COLUMN_MAX: usize = 8;
 /// Widest name of a coil that is shown in full.
-const NAME_WIDTH: usize = 17;
+const NAME_WIDTH: usize = 19;
 
 /// Rows that the bars of a rig take.
 pub fn actuation_rows(rig: &Rig) -> u16 {
@@ -38,9 +38,10 @@ pub fn actuation(screen: &Screen<'_>, frame: &mut Frame<'_>, area: Rect) {
     let [coils, frames] = Layout::vertical([Constraint::Length(coil_rows), Constraint::Fill(1)]).areas(inner);
     let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(coils);
     for (column, area) in areas.iter().enumerate() {
-        let pairs = screen.rig.coils.iter().zip(&screen.figures.coils);
+        let pairs = screen.rig.coils.iter().zip(&screen.figures.coils).enumerate();
         let lines = pairs.skip(column * rows).take(rows);
-        let lines = lines.map(|(name, coil)| coil_line(name, coil, usize::from(area.width)));
+        let width = usize::from(area.width);
+        let lines = lines.map(|(index, (name, coil))| coil_line(&format!("{index} {name}"), coil, width));
         frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), *area);
     }
     let lines: Vec<Line<'_>> = frame_lines(screen).collect();
@@ -59,7 +60,7 @@ fn frame_lines<'a>(screen: &'a Screen<'_>) -> impl Iterator<Item = Line<'a>> {
     })
 }
 
-/// `iron-bottom-right -3.21 A [    ███|      ]`: zero in the middle, limits at the ends, a stroke for the
+/// `0 iron-bottom-right -3.21 A [    ███|      ]`: zero in the middle, limits at the ends, a stroke for the
 /// command.
 fn coil_line(name: &str, coil: &CoilFigures, width: usize) -> Line<'static> {
     let room = width.saturating_sub(12);

@@ -87,14 +87,17 @@ impl Screen<'_> {
 
     fn plots(&self, frame: &mut Frame<'_>, area: Rect) {
         let plots = plots::of(self.rig);
-        let count = u16::try_from(plots.len()).unwrap_or(u16::MAX).max(1);
-        if area.height / count < PLOT_ROWS_MIN {
+        let grid = [(plots.len(), 1), (self.rig.magnets.len(), self.rig.angles.count())];
+        let fits = |rows: &usize| usize::from(area.height) >= rows * usize::from(PLOT_ROWS_MIN);
+        let Some((rows, columns)) = grid.into_iter().find(|(rows, _)| *rows > 0 && fits(rows)) else {
             plots::draw(self, &plots, frame, area);
             return;
-        }
-        let areas = Layout::vertical(vec![Constraint::Fill(1); plots.len()]).split(area);
-        for (plot, area) in plots.iter().zip(areas.iter()) {
-            plots::draw(self, std::slice::from_ref(plot), frame, *area);
+        };
+        let fill = |count: usize| vec![Constraint::Fill(1); count];
+        for (plots, row) in plots.chunks(columns).zip(Layout::vertical(fill(rows)).split(area).iter()) {
+            for (plot, area) in plots.iter().zip(Layout::horizontal(fill(columns)).split(*row).iter()) {
+                plots::draw(self, std::slice::from_ref(plot), frame, *area);
+            }
         }
     }
 

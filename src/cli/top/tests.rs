@@ -10,6 +10,11 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use super::keys::{Action, Popup, Ui};
 use super::screen::Screen;
 
+fn spatial() -> Config {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-14.toml");
+    Config::load(&path).expect("shipped").1
+}
+
 fn config() -> Config {
     let text = include_str!("../../../config/bigmag-planar.toml");
     Config::from_document(&Document::from_text("planar", text).expect("shipped")).expect("shipped")
@@ -103,7 +108,7 @@ fn smallest_ordinary_terminal_shows_everything_that_was_promised() {
         "m2",
         "x-z",
         "x-y",
-        "iron-bottom-r",
+        "0 iron-bottom",
         "-7.90 A",
         "frame bottom",
         "lateness",
@@ -146,6 +151,21 @@ fn large_terminal_gives_each_magnet_its_own_plot() {
     let row = |word: &str| lines.iter().position(|line| line.contains(word));
     let (first, second) = (row(" m1 ").expect("shown"), row(" m2 ").expect("shown"));
     assert!(second > first + 5, "one above the other: {first} {second}");
+}
+
+#[test]
+fn directions_of_two_angles_stand_side_by_side_and_fourteen_coils_in_two_columns() {
+    let rig = Rig::new(&spatial());
+    let nothing = StatusMessage { description_fingerprint: rig.fingerprint, ..StatusMessage::default() };
+    let figures = Figures::new(&rig, Some(&nothing), (Link::Attached, None, 0), Default::default());
+    let mut terminal = Terminal::new(TestBackend::new(120, 36)).expect("memory");
+    let (history, ui) = (History::new(), Ui::default());
+    let screen = Screen { rig: &rig, figures: &figures, history: &history, events: None, ui: &ui };
+    terminal.draw(|frame| screen.draw(frame)).expect("memory");
+    let text = terminal.backend().to_string();
+    let has = |words: [&str; 2]| text.lines().any(|line| words.iter().all(|word| line.contains(word)));
+    assert!(has(["m1 from z", "m1 azimuth"]) && has(["m2 from z", "m2 azimuth"]), "{text}");
+    assert!(has(["0 iron", "7 iron"]) && has(["6 iron", "13 iro"]), "{text}");
 }
 
 #[test]

@@ -6,9 +6,14 @@ const meta = (name) => document.querySelector(`meta[name="magsteer-${name}"]`).c
 const token = meta("token");
 const HISTORY_S = 60;      // as far as the server remembers
 const FRAME_AGE_MAX_MS = 1500; // frames come ten times a second
+const RETRY_MS = 2000;     // after the server refused the stream
+const ECHO_MS = 400;       // a target takes this long to come back, and no longer
+const ANSWER_MS = 6000;    // how long a request that was done is talked of
 const SURE_MS = 3000;      // how long the emergency stop waits for its second press
 
 let mayCommand = false;
+let answerTimer = 0;
+let sentAt = -Infinity;    // performance.now() of the last target
 let heardAt = 0;           // performance.now() of the last frame
 const sliders = [];        // of magnet and angle: {magnet, angle, range, number, held}
 const plots = [];          // functions that draw
@@ -46,6 +51,10 @@ function listen() {
     if (frame.events) showEvents(frame.events);
     take(frame.figures);
   });
+  source.addEventListener("error", () => {
+    // Broken streams are taken up again by the browser; closed ones are not.
+    if (source.readyState === EventSource.CLOSED) setTimeout(listen, RETRY_MS);
+  });
 }
 
 function take(newest) {
@@ -76,14 +85,16 @@ async function command(content) {
   }
   box.textContent = text;
   box.classList.toggle("refused", refused);
+  clearTimeout(answerTimer);
+  if (!refused) answerTimer = setTimeout(() => { box.textContent = ""; }, ANSWER_MS);
 }
 
 function setTarget() {
   const angles = scene.rig.magnets.map(() => []);
   for (const slider of sliders) angles[slider.magnet][slider.angle] = Number(slider.range.value);
-  command({ verb: "set-target", angles_deg: angles }).finally(() => {
-    for (const slider of sliders) slider.held = false;
-  });
+  for (const slider of sliders) slider.held = false;
+  sentAt = performance.now();
+  command({ verb: "set-target", angles_deg: angles });
 }
 
 function wireButtons() {
@@ -171,7 +182,7 @@ function buildCurrents() {
     const coil = make("div", byId("coils"), { className: "coil", id: `coil-${index}` });
     const title = make("span", coil, { className: "name", title: `${name}, at most ${scene.rig.current_max_a[index]} A` });
     make("i", title).style.background = COIL_COLOURS[index % COIL_COLOURS.length];
-    title.append(name);
+    title.append(`${index} ${name}`);
     make("span", coil, { className: "number" });
     const track = make("div", coil, { className: "track" });
     make("div", track, { className: "fill" });
@@ -277,7 +288,7 @@ function drawTargets() {
     const magnet = scene.figures.magnets[slider.magnet];
     slider.range.disabled = slider.number.disabled = !usable;
     const angles = magnet.target_deg.length ? magnet.target_deg : magnet.measured_deg;
-    const busy = slider.held || document.activeElement === slider.number;
+    const busy = slider.held || performance.now() - sentAt < ECHO_MS || document.activeElement === slider.number;
     if (!busy && angles.length) {
       slider.range.value = angles[slider.angle];
       slider.number.value = angles[slider.angle].toFixed(1);
