@@ -1,4 +1,5 @@
-//! `magsteer hal` as a user calls it: the check of running drivers as processes, templates, and drivers in Python and C
+//! `magsteer hal` as a user calls it: the check of running drivers as processes, templates, and drivers in
+//! Python and C
 //! where an interpreter with PyPI `iceoryx2`, or a compiler, is there.
 
 mod process_support;
@@ -204,7 +205,7 @@ fn python_modules_pass_their_own_tests() {
     let output = Command::new(program)
         .current_dir(&folder)
         .env("PYTHONDONTWRITEBYTECODE", "1")
-        .args(["-m", "unittest", "discover", "-s", "tests", "-t", "."])
+        .args(["-m", "unittest", "discover", "-s", "tests"])
         .output()
         .expect("it starts");
     assert!(output.status.success(), "{}", text(&output.stderr));

@@ -48,7 +48,8 @@ impl Stage {
 /// Runs of a clause in which the suite or the driver was held up by the machine are repeated so often.
 const ATTEMPTS_MAX: u32 = 5;
 
-/// Tries every clause on a fresh rig each, made by `make`. Nothing found means that the contract is kept as far as
+/// Tries every clause on a fresh rig each, made by `make`. Nothing found means that the contract is kept as
+/// far as
 /// the harness lets it be tried.
 pub fn run<R: Rig>(mut make: impl FnMut() -> R) -> Vec<Violation> {
     let mut found = Vec::new();
@@ -64,7 +65,8 @@ pub fn run<R: Rig>(mut make: impl FnMut() -> R) -> Vec<Violation> {
 
 /// Tries every clause up to `level` on one running rig, and hands each finding to `tell` as it is made.
 ///
-/// A stage is left out when one before it broke: currents are not driven through a driver that mixes up its coils. The
+/// A stage is left out when one before it broke: currents are not driven through a driver that mixes up its
+/// coils. The
 /// rig is brought back to idle at zero current between clauses and at the end.
 pub fn examine<R: Rig>(rig: &mut R, level: Level, mut tell: impl FnMut(&Finding)) -> Vec<Finding> {
     let mut findings: Vec<Finding> = Vec::new();

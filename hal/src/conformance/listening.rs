@@ -194,7 +194,8 @@ fn rate(messages: &[Received], stated: Option<f64>, interval_max: Duration) -> O
 
 fn feedback_contents(heard: &Heard, description: &HardwareDescription) -> Outcome {
     for (feedback, received) in &heard.feedback {
-        // A receiver of its own for each: order and stamps are other clauses' matters, and so are these of a header.
+        // A receiver of its own for each: order and stamps are other clauses' matters, and so are these of a
+        // header.
         let header = clean_header(*received);
         let message =
             CoilFeedback { header, description_fingerprint: description.fingerprint(), ..*feedback };

@@ -40,7 +40,8 @@ pub struct UdpDevice {
 }
 
 impl UdpDevice {
-    /// Speaks with the device at `address` from a port of the system's choice. Without a request for `validity` the
+    /// Speaks with the device at `address` from a port of the system's choice. Without a request for
+    /// `validity` the
     /// device goes to zero by itself.
     ///
     /// # Errors
