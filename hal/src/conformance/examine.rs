@@ -13,8 +13,11 @@ use super::{clauses, commands, listening, sweep, watchdog};
 struct Attempt<R> {
     stage: Stage,
     clauses: Vec<Clause>,
-    attempt: Box<dyn Fn(&mut R) -> Vec<(Clause, Outcome)>>,
+    attempt: Box<Try<R>>,
 }
+
+/// Tries to break clauses on a rig; what became of each.
+type Try<R> = dyn Fn(&mut R) -> Vec<(Clause, Outcome)>;
 
 /// What must hold before something else is worth trying.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

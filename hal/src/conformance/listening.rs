@@ -45,7 +45,7 @@ pub(super) fn listen<R: Rig>(rig: &mut R) -> Vec<(Clause, Outcome)> {
         }),
         (Clause::CurrentAtRest, &|heard| current_at_rest(heard, rig)),
         (Clause::AnglesInRange, &|heard| angles_in_range(heard, &description)),
-        (Clause::PoseSequence, &|heard| of_poses(heard, |headers| sequence(headers))),
+        (Clause::PoseSequence, &|heard| of_poses(heard, sequence)),
         (Clause::PoseStamps, &|heard| of_poses(heard, |headers| stamps(headers, POSE_DELAY_MAX))),
         (Clause::PoseContents, &|heard| pose_contents(heard, &description)),
         (Clause::PoseRate, &|heard| {
