@@ -52,8 +52,7 @@ impl Stage {
 const ATTEMPTS_MAX: u32 = 5;
 
 /// Tries every clause on a fresh rig each, made by `make`. Nothing found means that the contract is kept as
-/// far as
-/// the harness lets it be tried.
+/// far as the harness lets it be tried.
 pub fn run<R: Rig>(mut make: impl FnMut() -> R) -> Vec<Violation> {
     let mut found = Vec::new();
     for attempt in all::<R>() {
@@ -69,8 +68,7 @@ pub fn run<R: Rig>(mut make: impl FnMut() -> R) -> Vec<Violation> {
 /// Tries every clause up to `level` on one running rig, and hands each finding to `tell` as it is made.
 ///
 /// A stage is left out when one before it broke: currents are not driven through a driver that mixes up its
-/// coils. The
-/// rig is brought back to idle at zero current between clauses and at the end.
+/// coils. The rig is brought back to idle at zero current between clauses and at the end.
 pub fn examine<R: Rig>(rig: &mut R, level: Level, mut tell: impl FnMut(&Finding)) -> Vec<Finding> {
     let mut findings: Vec<Finding> = Vec::new();
     for attempt in all::<R>() {

@@ -1,8 +1,7 @@
 //! A harness for a driver that runs elsewhere, behind the channels, in real time.
 //!
 //! Time passes by sleeping. A driver takes the newest command once a cycle and tells of it in the message
-//! after
-//! that; so a step of the suite ends with the second message after it began.
+//! after that; so a step of the suite ends with the second message after it began.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,8 +47,7 @@ pub struct Tolerances {
 
 impl Tolerances {
     /// For the coils of `description`: 2 % of each greatest current, five of the longest electrical time
-    /// constants
-    /// to settle; half a degree and two seconds for frames; commands that stay good for 250 ms.
+    /// constants to settle; half a degree and two seconds for frames; commands that stay good for 250 ms.
     #[must_use]
     pub fn of(description: &HardwareDescription) -> Self {
         const TIME_CONSTANTS: f64 = 5.0;
@@ -151,8 +149,7 @@ pub struct RunningRig {
 
 impl RunningRig {
     /// Takes the daemon's place on the rig and waits up to `wait` for its driver. The suite ends early, by
-    /// the same
-    /// way to zero, once `interrupted` is set.
+    /// the same way to zero, once `interrupted` is set.
     ///
     /// # Errors
     /// When the rig has a daemon, no driver appears in time, or the transport fails.

@@ -214,8 +214,7 @@ impl<'rig, R: Rig> Trial<'rig, R> {
     }
 
     /// That no current of the trace changed faster than slew; the steepest change over ten messages, or all
-    /// there are,
-    /// A/s.
+    /// there are, A/s.
     pub(super) fn require_slew(&self) -> Result<f64, String> {
         /// Over so many messages noise counts little, and a step is still a step.
         const SPAN_MAX: usize = 10;

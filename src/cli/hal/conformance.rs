@@ -43,12 +43,10 @@ impl From<LevelArg> for Level {
 /// Check a running driver against the contract, in the daemon's place.
 ///
 /// Ends with 0 when every check passes, 1 when one fails, 69 when no driver runs or a daemon has the rig.
-/// SIGINT and
-/// SIGTERM end it early, currents at zero.
+/// SIGINT and SIGTERM end it early, currents at zero.
 ///
 /// At level `dummy-load` currents flow and frames turn: take out the patient, the rod and your fingers, or
-/// put
-/// resistors in place of the coils.
+/// put resistors in place of the coils.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  magsteer sim-plant config/bigmag-planar.toml &\n  \
     magsteer hal conformance config/bigmag-planar.toml --level dummy-load --junit conformance.xml")]
