@@ -236,7 +236,9 @@ fn c_template_behind_the_udp_driver_passes_every_check() {
     let _device = Driver::start(Command::new(folder.join("device")).arg(port.to_string()));
     let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
     command.args(["hal", "udp-driver"]).arg(&world.file).arg("--root").arg(world.root.path());
-    let _driver = Driver::start(command.args(["--device", &format!("127.0.0.1:{port}")]));
+    // Longer than a busy machine stops a process now and then.
+    command.args(["--device", &format!("127.0.0.1:{port}"), "--validity-ms", "400"]);
+    let _driver = Driver::start(&mut command);
     let (answer, code) = conformance(&world, "dummy-load", &[]);
     assert_passed(&answer, code);
 }

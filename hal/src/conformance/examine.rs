@@ -145,8 +145,7 @@ fn tried<R: Rig>(attempt: &Attempt<R>, rig: &mut R) -> Vec<Finding> {
             }
         };
         let is_broken = made.iter().any(|(_, outcome)| outcome.is_err());
-        let commands = attempt.stage.level() > Level::Static;
-        if !is_broken || !commands || !rig.was_held_up() || rig.is_interrupted() {
+        if !is_broken || !rig.was_held_up() || rig.is_interrupted() {
             break;
         }
     }
