@@ -1,8 +1,8 @@
 //! The loop of a driver: everything that must not be forgotten, around the hardware of one rig.
 //!
-//! Implement [`Device`], call [`run`]. The loop takes commands, judges them ([`CommandGuard`]), hands set points that
-//! keep every limit to the device, and publishes what the device measured. When commands cease it ramps to zero; when
-//! told to stop it takes no more commands, ramps to zero and ends.
+//! Implement [`Device`], call [`run`]. The loop takes commands, judges them ([`CommandGuard`]), hands set
+//! points that keep every limit to the device, and publishes what the device measured. When commands cease
+//! it ramps to zero; when told to stop it takes no more commands, ramps to zero and ends.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -30,14 +30,15 @@ pub struct Measurement {
 
 /// Amplifiers, motors and sensors of a rig. Nothing here may wait.
 pub trait Device {
-    /// Amplifiers and motors must follow these currents, A, and angles, rad, from now on, `period_s` after the former
-    /// call; they keep every limit already.
+    /// Amplifiers and motors must follow these currents, A, and angles, rad, from now on, `period_s` after
+    /// the former call; they keep every limit already.
     fn follow(&mut self, setpoint: &Actuation, period_s: f64);
 
     /// Takes the current away at once; asked again each cycle while the rig is disabled.
     fn cut(&mut self);
 
-    /// The newest measurement since the former call; `None` publishes nothing, for which the daemon stops in time.
+    /// The newest measurement since the former call; `None` publishes nothing, for which the daemon stops in
+    /// time.
     fn measure(&mut self) -> Option<Measurement>;
 
     /// The newest poses since the former call, with their count and the source stamp of their exposure.

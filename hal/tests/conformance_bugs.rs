@@ -200,7 +200,8 @@ impl Driver {
     }
 
     fn follow(&mut self, period: f64) {
-        // A driver that cuts has amplifiers that discharge their coils at once, and one without limits those that can.
+        // A driver that cuts has amplifiers that discharge their coils at once, and one without limits those
+        // that can.
         let is_quick = matches!(self.bug, Bug::CutsInsteadOfRamp | Bug::NoSlewLimit | Bug::NoLimits);
         let share = if is_quick { 1.0 } else { 1.0 - (-period / TIME_CONSTANT_S).exp() };
         for (measured, wanted) in self.measured.current_a.iter_mut().zip(self.applied.current_a) {
@@ -319,7 +320,8 @@ fn right_driver_passes_every_check_and_is_left_without_current() {
     assert!(left.iter().all(|current| current.abs() < 0.16), "{left:?}");
 }
 
-/// Goal: the check that is meant for a bug is the first to break, so that its text is what the author reads first.
+/// Goal: the check that is meant for a bug is the first to break, so that its text is what the author reads
+/// first.
 #[test]
 fn every_seeded_bug_is_caught_and_named_by_its_check() {
     let mut missed = Vec::new();
@@ -350,7 +352,8 @@ fn interrupted_suite_leaves_the_coils_without_current() {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&interrupted);
     let timer = thread::spawn(move || {
-        // Listening and the dry checks take some seconds; currents flow after them. Whenever it comes, the end is the same.
+        // Listening and the dry checks take some seconds; currents flow after them. Whenever it comes, the
+        // end is the same.
         thread::sleep(Duration::from_millis(3_700));
         flag.store(true, Ordering::Relaxed);
     });

@@ -31,7 +31,11 @@ class Client:
         endpoint = Endpoint(rig.name, root)
         self._rig = rig
         self._node = endpoint.join(CONNECTION_WAIT_MS)
-        topic = endpoint.topic(self._node, "status", StatusMessage, create=False)
+        try:
+            topic = endpoint.topic(self._node, "status", StatusMessage, create=False)
+        except ChannelError as error:
+            where = f"on rig {rig.name} (channel root {endpoint.root})"
+            raise ChannelError(f"no daemon {where}: start it, with the same root ({error})") from error
         self._status = Subscriber(topic, messages.SERVICES["status"]["buffer"], StatusMessage)
         self._newest = None
         self._services = {name: self._service(endpoint, name) for name in (messages.REQUEST, messages.TARGET_SET)}

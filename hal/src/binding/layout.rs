@@ -109,7 +109,8 @@ pub fn layouts() -> Vec<Layout> {
     channels::layout::layouts()
 }
 
-/// First eight bytes of the SHA-256 of all layouts, in hexadecimal: the attribute `magsteer-schema` of every service.
+/// First eight bytes of the SHA-256 of all layouts, in hexadecimal: the attribute `magsteer-schema` of every
+/// service.
 #[must_use]
 pub fn schema_hash() -> String {
     channels::layout::schema_hash()

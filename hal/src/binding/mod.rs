@@ -1,7 +1,7 @@
 //! What a driver or client in another language needs: the layouts of all messages, names and settings of the
 //! services, and a rig's numbers.
 //!
-//! [`python`] writes them as a module of ctypes structures; [`RigSheet`] is a rig as one JSON object.
+//! [`python()`] writes them as a module of ctypes structures; [`RigSheet`] is a rig as one JSON object.
 
 mod layout;
 mod python;

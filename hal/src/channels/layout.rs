@@ -16,8 +16,8 @@ use crate::record::{
     TickMessage,
 };
 
-/// Takes down name, size, alignment and every field's offset and kind. The destructuring stops the build when a field
-/// is missing.
+/// Takes down name, size, alignment and every field's offset and kind. The destructuring stops the build
+/// when a field is missing.
 macro_rules! layout {
     ($found:ident, $type:ident { $($field:ident),+ $(,)? }) => {
         let _every_field_is_named = |$type { $($field: _),+ }: $type| ();

@@ -1,4 +1,5 @@
-//! The end of whoever checks a driver: in the daemon's place, hearing every message, and free to send garbage.
+//! The end of whoever checks a driver: in the daemon's place, hearing every message, and free to send
+//! garbage.
 
 use std::time::Duration;
 

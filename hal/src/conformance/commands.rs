@@ -4,7 +4,9 @@ use super::finding::{Outcome, found, not_tried};
 use super::garbage::Garbage;
 use super::harness::Rig;
 use super::trial::{CYCLE, Trial, cycles, require, require_state};
-use crate::message::driver_state;
+use crate::guard::SLEW_JITTER;
+use crate::message::{Actuation, driver_state};
+use crate::time::Stamp;
 
 /// A rig that cannot be sent anything but admitted commands.
 const ADMITTED_ALONE: &str = "the rig takes admitted commands alone";
@@ -69,25 +71,33 @@ pub(super) fn former_epoch_is_refused<R: Rig>(rig: &mut R) -> Outcome {
     found("refused")
 }
 
-/// The whole effort in one message.
+/// The whole effort in one message, and from there to its opposite.
 pub(super) fn jump_is_slewed<R: Rig>(rig: &mut R) -> Outcome {
     let mut trial = Trial::new(rig);
     let breaks_before = trial.rest()?.limit_breaks;
-    let claimed = trial.claim()?;
+    let mut feedback = trial.claim()?;
+    trial.trace = vec![feedback];
     let effort = trial.effort();
-    trial.trace = vec![claimed];
-    let mut feedback = claimed;
-    for _ in 0..cycles(trial.ramp_time() + trial.rig.settling()) {
-        let jumped = trial.send_spoilt(&|command, _| command.actuation.current_a = effort.current_a)?;
-        let Some(jumped) = jumped else { return not_tried(ADMITTED_ALONE) };
-        feedback = jumped;
-        if trial.require_currents(&feedback, &effort).is_ok() {
-            break;
+    let mut is_jump = false;
+    let mut standing = Actuation::default();
+    for sign in [1.0, -1.0] {
+        let wanted = Actuation { current_a: effort.current_a.map(|current| sign * current), ..effort };
+        let before = trial.sent;
+        for _ in 0..cycles(trial.ramp_time() * 2 + trial.rig.settling()) {
+            let jumped = trial.send_spoilt(&|command, _| command.actuation.current_a = wanted.current_a)?;
+            let Some(jumped) = jumped else { return not_tried(ADMITTED_ALONE) };
+            feedback = jumped;
+            is_jump |= before != trial.sent && trial.exceeds_slew(&standing, &wanted, before);
+            if trial.require_currents(&feedback, &wanted).is_ok() {
+                break;
+            }
         }
+        standing = wanted;
     }
     let steepest = trial.require_slew()?;
     let counted = feedback.limit_breaks.saturating_sub(breaks_before);
-    require(counted > 0, || "the jump was not counted in limit_breaks".to_owned())?;
+    // After a pause that was long enough for the change it is none.
+    require(counted > 0 || !is_jump, || "the jump was not counted in limit_breaks".to_owned())?;
     found(format!("{steepest:.0} A/s at most over 10 messages, counted {counted} times"))
 }
 
@@ -128,6 +138,15 @@ pub(super) fn over_limit_is_held<R: Rig>(rig: &mut R) -> Outcome {
 }
 
 impl<R: Rig> Trial<'_, R> {
+    /// True when the newest command, sent after one at `before`, left slew no time for the change.
+    fn exceeds_slew(&self, from: &Actuation, to: &Actuation, before: Stamp) -> bool {
+        let elapsed = (self.sent.since(before) + SLEW_JITTER + CYCLE).as_secs_f64();
+        let coils = self.rig.description().coils.iter().enumerate();
+        coils.into_iter().any(|(index, coil)| {
+            (to.current_a[index] - from.current_a[index]).abs() > coil.slew_max * elapsed
+        })
+    }
+
     /// Gives authority up at zero current and claims anew, under a later epoch.
     fn claim_after_release(&mut self) -> Result<(), String> {
         let release = self.gate.release(self.authority);

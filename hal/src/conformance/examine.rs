@@ -13,8 +13,11 @@ use super::{clauses, commands, listening, sweep, watchdog};
 struct Attempt<R> {
     stage: Stage,
     clauses: Vec<Clause>,
-    attempt: Box<dyn Fn(&mut R) -> Vec<(Clause, Outcome)>>,
+    attempt: Box<Try<R>>,
 }
+
+/// Tries to break clauses on a rig; what became of each.
+type Try<R> = dyn Fn(&mut R) -> Vec<(Clause, Outcome)>;
 
 /// What must hold before something else is worth trying.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,8 +51,8 @@ impl Stage {
 /// Runs of a clause in which the suite or the driver was held up by the machine are repeated so often.
 const ATTEMPTS_MAX: u32 = 5;
 
-/// Tries every clause on a fresh rig each, made by `make`. Nothing found means that the contract is kept as far as
-/// the harness lets it be tried.
+/// Tries every clause on a fresh rig each, made by `make`. Nothing found means that the contract is kept as
+/// far as the harness lets it be tried.
 pub fn run<R: Rig>(mut make: impl FnMut() -> R) -> Vec<Violation> {
     let mut found = Vec::new();
     for attempt in all::<R>() {
@@ -64,8 +67,8 @@ pub fn run<R: Rig>(mut make: impl FnMut() -> R) -> Vec<Violation> {
 
 /// Tries every clause up to `level` on one running rig, and hands each finding to `tell` as it is made.
 ///
-/// A stage is left out when one before it broke: currents are not driven through a driver that mixes up its coils. The
-/// rig is brought back to idle at zero current between clauses and at the end.
+/// A stage is left out when one before it broke: currents are not driven through a driver that mixes up its
+/// coils. The rig is brought back to idle at zero current between clauses and at the end.
 pub fn examine<R: Rig>(rig: &mut R, level: Level, mut tell: impl FnMut(&Finding)) -> Vec<Finding> {
     let mut findings: Vec<Finding> = Vec::new();
     for attempt in all::<R>() {
@@ -142,8 +145,7 @@ fn tried<R: Rig>(attempt: &Attempt<R>, rig: &mut R) -> Vec<Finding> {
             }
         };
         let is_broken = made.iter().any(|(_, outcome)| outcome.is_err());
-        let commands = attempt.stage.level() > Level::Static;
-        if !is_broken || !commands || !rig.was_held_up() || rig.is_interrupted() {
+        if !is_broken || !rig.was_held_up() || rig.is_interrupted() {
             break;
         }
     }

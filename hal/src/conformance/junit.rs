@@ -1,6 +1,7 @@
 //! Findings as JUnit XML, the format that build servers read.
 //!
-//! The dialect is that of Ant's task, as most readers take it: one `testsuite` with a `testcase` for each clause.
+//! The dialect is that of Ant's task, as most readers take it: one `testsuite` with a `testcase` for each
+//! clause.
 
 use std::fmt::Write;
 

@@ -45,7 +45,7 @@ pub(super) fn listen<R: Rig>(rig: &mut R) -> Vec<(Clause, Outcome)> {
         }),
         (Clause::CurrentAtRest, &|heard| current_at_rest(heard, rig)),
         (Clause::AnglesInRange, &|heard| angles_in_range(heard, &description)),
-        (Clause::PoseSequence, &|heard| of_poses(heard, |headers| sequence(headers))),
+        (Clause::PoseSequence, &|heard| of_poses(heard, sequence)),
         (Clause::PoseStamps, &|heard| of_poses(heard, |headers| stamps(headers, POSE_DELAY_MAX))),
         (Clause::PoseContents, &|heard| pose_contents(heard, &description)),
         (Clause::PoseRate, &|heard| {
@@ -194,7 +194,8 @@ fn rate(messages: &[Received], stated: Option<f64>, interval_max: Duration) -> O
 
 fn feedback_contents(heard: &Heard, description: &HardwareDescription) -> Outcome {
     for (feedback, received) in &heard.feedback {
-        // A receiver of its own for each: order and stamps are other clauses' matters, and so are these of a header.
+        // A receiver of its own for each: order and stamps are other clauses' matters, and so are these of a
+        // header.
         let header = clean_header(*received);
         let message =
             CoilFeedback { header, description_fingerprint: description.fingerprint(), ..*feedback };

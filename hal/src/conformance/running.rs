@@ -1,7 +1,7 @@
 //! A harness for a driver that runs elsewhere, behind the channels, in real time.
 //!
-//! Time passes by sleeping. A driver takes the newest command once a cycle and tells of it in the message after
-//! that; so a step of the suite ends with the second message after it began.
+//! Time passes by sleeping. A driver takes the newest command once a cycle and tells of it in the message
+//! after that; so a step of the suite ends with the second message after it began.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -24,7 +24,8 @@ const LOOK: Duration = Duration::from_micros(500);
 const SILENCE_MAX: Duration = Duration::from_millis(1_000);
 /// How many messages show that a command was taken.
 const MESSAGES: u32 = 2;
-/// How long the way to zero may take at the end, beyond validity, slew and settling, before the amplifiers are cut.
+/// How long the way to zero may take at the end, beyond validity, slew and settling, before the amplifiers
+/// are cut.
 const END_MAX: Duration = Duration::from_millis(500);
 /// How long the amplifiers may take to lose their current once cut.
 const CUT_MAX: Duration = Duration::from_millis(500);
@@ -45,8 +46,8 @@ pub struct Tolerances {
 }
 
 impl Tolerances {
-    /// For the coils of `description`: 2 % of each greatest current, five of the longest electrical time constants
-    /// to settle; half a degree and two seconds for frames; commands that stay good for 250 ms.
+    /// For the coils of `description`: 2 % of each greatest current, five of the longest electrical time
+    /// constants to settle; half a degree and two seconds for frames; commands that stay good for 250 ms.
     #[must_use]
     pub fn of(description: &HardwareDescription) -> Self {
         const TIME_CONSTANTS: f64 = 5.0;
@@ -147,8 +148,8 @@ pub struct RunningRig {
 }
 
 impl RunningRig {
-    /// Takes the daemon's place on the rig and waits up to `wait` for its driver. The suite ends early, by the same
-    /// way to zero, once `interrupted` is set.
+    /// Takes the daemon's place on the rig and waits up to `wait` for its driver. The suite ends early, by
+    /// the same way to zero, once `interrupted` is set.
     ///
     /// # Errors
     /// When the rig has a daemon, no driver appears in time, or the transport fails.
@@ -176,7 +177,8 @@ impl RunningRig {
         Ok(Self { description, hardware, tolerances, rates, interrupted })
     }
 
-    /// Gives up every authority, waits until no current is left, and cuts the amplifiers when that takes too long.
+    /// Gives up every authority, waits until no current is left, and cuts the amplifiers when that takes too
+    /// long.
     pub fn end(&mut self) -> Ending {
         // What only listened leaves no current behind.
         let Some(last) = self.hardware.newest_authority else { return Ending::AtZero };

@@ -1,8 +1,8 @@
-//! The clauses about channels: one coil after the other carries current, one frame after the other turns, and what
-//! all of them measure meanwhile tells sign, order, scale and cross talk apart.
+//! The clauses about channels: one coil after the other carries current, one frame after the other turns,
+//! and what all of them measure meanwhile tells sign, order, scale and cross talk apart.
 //!
-//! All this sees is what the driver measures: a sensor wired to a wrong coil together with its amplifier cannot be
-//! told from a right one.
+//! All this sees is what the driver measures: a sensor wired to a wrong coil together with its amplifier
+//! cannot be told from a right one.
 
 use std::time::Duration;
 

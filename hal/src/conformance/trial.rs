@@ -18,7 +18,8 @@ const TOKEN: u64 = 0x6d61_6773;
 const SETTLED_CYCLES: u32 = 10;
 /// How long a claim is repeated, as a daemon does.
 const CLAIM_TIME: Duration = Duration::from_secs(1);
-/// How often the way to rest is waited for between clauses: far longer than it may take, which is a clause's own matter.
+/// How often the way to rest is waited for between clauses: far longer than it may take, which is a clause's
+/// own matter.
 const RESTS_MAX: u32 = 10;
 
 /// `Err` with what was found unless `holds`.
@@ -79,7 +80,8 @@ impl<'rig, R: Rig> Trial<'rig, R> {
         self.pass(CYCLE)
     }
 
-    /// Sends what `spoil` makes of a drive to where the gate stands, lets a cycle pass; the feedback after it, or
+    /// Sends what `spoil` makes of a drive to where the gate stands, lets a cycle pass; the feedback after
+    /// it, or
     /// `None` when the rig cannot be sent such a thing.
     pub(super) fn send_spoilt(&mut self, spoil: Spoil<'_>) -> Result<Option<CoilFeedback>, String> {
         let still = *self.gate.previous();
@@ -211,8 +213,8 @@ impl<'rig, R: Rig> Trial<'rig, R> {
         Ok(())
     }
 
-    /// That no current of the trace changed faster than slew; the steepest change over ten messages, or all there are,
-    /// A/s.
+    /// That no current of the trace changed faster than slew; the steepest change over ten messages, or all
+    /// there are, A/s.
     pub(super) fn require_slew(&self) -> Result<f64, String> {
         /// Over so many messages noise counts little, and a step is still a step.
         const SPAN_MAX: usize = 10;

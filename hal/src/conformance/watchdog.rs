@@ -1,8 +1,8 @@
-//! The clauses about commands that cease: authority lapses at the time stated in the last command, and currents
-//! ramp to zero.
+//! The clauses about commands that cease: authority lapses at the time stated in the last command, and
+//! currents ramp to zero.
 //!
-//! Judged by the driver's own stamps, which are of one clock with those of the commands: a driver that the machine
-//! held up publishes nothing meanwhile, and is judged by what it says on waking.
+//! Judged by the driver's own stamps, which are of one clock with those of the commands: a driver that the
+//! machine held up publishes nothing meanwhile, and is judged by what it says on waking.
 
 use std::time::Duration;
 

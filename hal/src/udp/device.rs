@@ -34,13 +34,14 @@ pub struct UdpDevice {
     pose_sequence: u64,
     measurement: Option<Measurement>,
     poses: Option<PoseMessage>,
-    is_cut: bool,
-    was_followed: bool,
+    /// True while the newest set points let current flow.
+    carries_current: bool,
     malformed: u64,
 }
 
 impl UdpDevice {
-    /// Speaks with the device at `address` from a port of the system's choice. Without a request for `validity` the
+    /// Speaks with the device at `address` from a port of the system's choice. Without a request for
+    /// `validity` the
     /// device goes to zero by itself.
     ///
     /// # Errors
@@ -68,8 +69,7 @@ impl UdpDevice {
             pose_sequence: 0,
             measurement: None,
             poses: None,
-            is_cut: false,
-            was_followed: false,
+            carries_current: false,
             malformed: 0,
         };
         // Asks where the frames stand. Its set points are not looked at.
@@ -121,7 +121,7 @@ impl UdpDevice {
         if Stamp::now().since(sent) > ANSWER_AGE_MAX {
             return;
         }
-        let expired = answer.state == device_state::EXPIRED && self.was_followed;
+        let expired = answer.state == device_state::EXPIRED && self.carries_current;
         let fault = if answer.fault == 0 && expired { FAULT_EXPIRED } else { answer.fault };
         // It measured after the request was sent; so the stamp is never too young.
         self.measurement = Some(Measurement { stamp: sent, actuation: answer.actuation, fault });
@@ -146,13 +146,12 @@ impl UdpDevice {
 
 impl Device for UdpDevice {
     fn follow(&mut self, setpoint: &Actuation, _period_s: f64) {
-        self.is_cut = false;
-        self.was_followed = true;
+        self.carries_current = setpoint.current_a.iter().any(|current| *current != 0.0);
         self.request(kind::FOLLOW, setpoint);
     }
 
     fn cut(&mut self) {
-        self.is_cut = true;
+        self.carries_current = false;
         self.request(kind::CUT, &Actuation::default());
     }
 

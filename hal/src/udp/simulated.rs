@@ -1,5 +1,5 @@
-//! A far side of ideal hardware: amplifiers of first order with a watchdog of their own, frames that go where they are
-//! told, a straight rod.
+//! A far side of ideal hardware: amplifiers of first order with a watchdog of their own, frames that go
+//! where they are told, a straight rod.
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};

@@ -5,7 +5,8 @@ use clap::Args;
 use super::super::exit::Exit;
 use super::super::output;
 
-/// Print the messages, codes and service settings as a Python module of ctypes structures, for PyPI `iceoryx2` 0.10.
+/// Print the messages, codes and service settings as a Python module of ctypes structures, for PyPI
+/// `iceoryx2` 0.10.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  magsteer hal bindings > magsteer/messages.py")]
 pub struct Bindings {}

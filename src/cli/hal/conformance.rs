@@ -42,11 +42,11 @@ impl From<LevelArg> for Level {
 
 /// Check a running driver against the contract, in the daemon's place.
 ///
-/// Ends with 0 when every check passes, 1 when one fails, 69 when no driver runs or a daemon has the rig. SIGINT and
-/// SIGTERM end it early, currents at zero.
+/// Ends with 0 when every check passes, 1 when one fails, 69 when no driver runs or a daemon has the rig.
+/// SIGINT and SIGTERM end it early, currents at zero.
 ///
-/// At level `dummy-load` currents flow and frames turn: take out the patient, the rod and your fingers, or put
-/// resistors in place of the coils.
+/// At level `dummy-load` currents flow and frames turn: take out the patient, the rod and your fingers, or
+/// put resistors in place of the coils.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  magsteer sim-plant config/bigmag-planar.toml &\n  \
     magsteer hal conformance config/bigmag-planar.toml --level dummy-load --junit conformance.xml")]
@@ -66,7 +66,8 @@ pub struct Conformance {
     /// How far a measured current may lie off, as part of the coil's greatest.
     #[arg(long, value_name = "SHARE", default_value_t = 0.02)]
     current_tolerance: f64,
-    /// How long currents may take to settle; five electrical time constants of the slowest coil when left out.
+    /// How long currents may take to settle; five electrical time constants of the slowest coil when left
+    /// out.
     #[arg(long, value_name = "MS")]
     settling_ms: Option<f64>,
     /// How long to wait for the driver to appear.
@@ -82,7 +83,8 @@ pub struct Conformance {
     json: bool,
 }
 
-/// The stable keys are `passed`, `rig`, `level`, `counts`, `checks`, `ended_at_zero`, `interrupted` and `elapsed_s`.
+/// The stable keys are `passed`, `rig`, `level`, `counts`, `checks`, `ended_at_zero`, `interrupted` and
+/// `elapsed_s`.
 #[derive(Serialize)]
 struct Answer<'a> {
     passed: bool,

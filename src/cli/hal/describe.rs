@@ -9,7 +9,8 @@ use magsteer_hal::binding::RigSheet;
 use super::super::exit::Exit;
 use super::super::output;
 
-/// Print what a driver must know of a rig as one JSON object: counts, limits and the fingerprint of its description.
+/// Print what a driver must know of a rig as one JSON object: counts, limits and the fingerprint of its
+/// description.
 ///
 /// Drivers in Rust read the configuration themselves. Others read this object, and need it anew when the
 /// description changes: its fingerprint is part of what they publish.

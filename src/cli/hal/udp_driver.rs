@@ -22,7 +22,8 @@ use super::super::rig_file::{RootArgs, channel_failure, keep_files_private};
 /// Of the driver's loop.
 const PERIOD: Duration = Duration::from_millis(1);
 
-/// Drive amplifiers, motors and a tracker that speak magsteer's UDP protocol: a microcontroller, a program in C.
+/// Drive amplifiers, motors and a tracker that speak magsteer's UDP protocol: a microcontroller, a program in
+/// C.
 ///
 /// SIGINT and SIGTERM end it, currents at zero, with 130 or 143.
 #[derive(Debug, Args)]
