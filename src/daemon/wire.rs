@@ -216,7 +216,7 @@ fn code(cause: Option<Cause>) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::{ReferenceTarget, Request, RequestMessage, Verb, request_message, taken_request};
+    use super::{Duration, ReferenceTarget, Request, RequestMessage, Verb, request_message, taken_request};
 
     /// Goal: every request that the loop can take comes back as it was, so that a cycle can be done again.
     #[test]

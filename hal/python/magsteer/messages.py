@@ -6,7 +6,7 @@ Generated from the Rust sources by `magsteer hal bindings`: do not edit.
 import ctypes
 
 SCHEMA = 1
-SCHEMA_HASH = "b54d1a8f573ca6d3"
+SCHEMA_HASH = "26420677a25d4e67"
 SCHEMA_ATTRIBUTE = "magsteer-schema"
 TRANSPORT_VERSION = "0100"
 ROOT_LENGTH_MAX = 65
@@ -69,6 +69,7 @@ CAUSES = {
     9: "the rod would snap through on the way to the target",
     10: "on the way to the target a magnet would leave the field model's range",
     11: "held close to a snap-through until another target is set",
+    12: "held because the stream of targets ended",
     20: "this daemon has no records to write",
     100: "stopped by the operator",
     101: "the process was asked to end",
@@ -194,13 +195,13 @@ class OperatorRequest(ctypes.Structure):
         ("magnet_count", ctypes.c_uint32),
         ("direction", (ctypes.c_double * 3) * 8),
         ("pose_parameter_count", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("valid_ms", ctypes.c_uint32),
         ("angle_rad", ctypes.c_double * 8),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "magsteer_operator_request_v2"
+        return "magsteer_operator_request_v3"
 
 
 class OperatorAnswer(ctypes.Structure):
@@ -288,13 +289,15 @@ class StatusMessage(ctypes.Structure):
         ("desired_direction", (ctypes.c_double * 3) * 8),
         ("measured_direction", (ctypes.c_double * 3) * 8),
         ("predicted_direction", (ctypes.c_double * 3) * 8),
+        ("measured_position_m", (ctypes.c_double * 3) * 8),
+        ("description_fingerprint", ctypes.c_uint64),
         ("measured", Actuation),
         ("admitted", Actuation),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "magsteer_status_v3"
+        return "magsteer_status_v4"
 
 
 # Size of each structure and offset of each field as Rust has them.
@@ -353,7 +356,7 @@ LAYOUTS = {
         "magnet_count": 4,
         "direction": 8,
         "pose_parameter_count": 200,
-        "reserved": 204,
+        "valid_ms": 204,
         "angle_rad": 208,
     }),
     "OperatorAnswer": (24, {
@@ -388,7 +391,7 @@ LAYOUTS = {
         "pose_to_driver": 376,
         "round_trip": 416,
     }),
-    "StatusMessage": (2528, {
+    "StatusMessage": (2728, {
         "header": 0,
         "state": 48,
         "cause": 52,
@@ -424,7 +427,9 @@ LAYOUTS = {
         "desired_direction": 1312,
         "measured_direction": 1504,
         "predicted_direction": 1696,
-        "measured": 1888,
-        "admitted": 2208,
+        "measured_position_m": 1888,
+        "description_fingerprint": 2080,
+        "measured": 2088,
+        "admitted": 2408,
     }),
 }

@@ -33,9 +33,9 @@ pub fn page(run: &Run, figures: &[Figure]) -> String {
     text += &steps(run);
     for figure in figures {
         // Writing to a string does not fail.
-        let _ = write!(
+        let _ = writeln!(
             text,
-            "<figure id=\"{}\">{}<figcaption>{}</figcaption></figure>\n",
+            "<figure id=\"{}\">{}<figcaption>{}</figcaption></figure>",
             figure.name,
             drawing(&figure.svg),
             escaped(&figure.caption)
@@ -43,7 +43,7 @@ pub fn page(run: &Run, figures: &[Figure]) -> String {
     }
     text += &timing(run);
     let events: String = run.events.iter().map(|event| format!("{}\n", escaped(event))).collect();
-    let _ = write!(text, "<h2>Events</h2>\n<pre>{events}</pre>\n</body></html>\n");
+    let _ = writeln!(text, "<h2>Events</h2>\n<pre>{events}</pre>\n</body></html>");
     text
 }
 
