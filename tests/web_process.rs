@@ -81,6 +81,8 @@ struct Web {
     child: Child,
     /// As `127.0.0.1:40000`.
     host: String,
+    /// What it takes commands with; empty where it takes none.
+    key: String,
 }
 
 impl Web {
@@ -90,8 +92,10 @@ impl Web {
         let mut child = command.stdout(Stdio::piped()).spawn().expect("the program is built");
         let mut line = String::new();
         BufReader::new(child.stdout.take().expect("piped")).read_line(&mut line).expect("text");
-        let host = line.trim().strip_prefix("http://").and_then(|rest| rest.strip_suffix('/'));
-        Self { host: host.unwrap_or_else(|| panic!("{line:?}")).to_owned(), child }
+        let address = line.trim().strip_prefix("http://").and_then(|rest| rest.split_once('/'));
+        let (host, fragment) = address.unwrap_or_else(|| panic!("{line:?}"));
+        let key = fragment.strip_prefix("#key=").unwrap_or_default();
+        Self { host: host.to_owned(), key: key.to_owned(), child }
     }
 
     /// What one request brings: status, head and body.
@@ -111,12 +115,6 @@ impl Web {
         let (head, body) = answer.split_once("\r\n\r\n").expect("a head");
         let status = head.split(' ').nth(1).and_then(|code| code.parse().ok()).expect("a status");
         (status, head.to_lowercase(), body.to_owned())
-    }
-
-    fn token(&self) -> String {
-        let page = self.ask("GET /", &[], "").2;
-        let after = page.split_once("magsteer-token\" content=\"").expect("in the page").1;
-        after.split_once('"').expect("closed").0.to_owned()
     }
 
     fn command(&self, token: &str, body: &str) -> (u16, Value) {
@@ -184,7 +182,9 @@ fn commands_reach_the_daemon_from_the_own_page_alone() {
     let (root, endpoint) = root();
     let daemon = Daemon::start(&endpoint);
     let web = Web::start(root.path(), &FREE);
-    let token = web.token();
+    let token = web.key.clone();
+    assert_eq!(token.len(), 32);
+    assert!(!web.ask("GET /", &[], "").2.contains(&token), "whoever loads the page does not get the key");
     let stop = r#"{"verb": "stop"}"#;
     let own = format!("http://{}", web.host);
     for (headers, what) in [
@@ -226,7 +226,7 @@ fn commands_reach_the_daemon_from_the_own_page_alone() {
 fn a_stop_without_a_daemon_is_answered_as_not_done() {
     let (root, _endpoint) = root();
     let web = Web::start(root.path(), &FREE);
-    let (status, answer) = web.command(&web.token(), r#"{"verb": "stop"}"#);
+    let (status, answer) = web.command(&web.key, r#"{"verb": "stop"}"#);
     assert_eq!((status, answer["error"].as_str()), (503, Some("no daemon serves this rig")));
 }
 
@@ -292,7 +292,7 @@ fn other_machines_may_look_only_when_allowed_and_then_nobody_commands() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("--allow-remote-viewing"), "{output:?}");
     let web = Web::start(root.path(), &["--bind", "0.0.0.0:0", "--allow-remote-viewing"]);
     assert_eq!(web.ask("GET /", &[("Host", "rig.example:80")], "").0, 200);
-    assert_eq!(web.token(), "");
+    assert_eq!(web.key, "");
     let (status, answer) = web.command("", r#"{"verb": "stop"}"#);
     assert_eq!(
         (status, answer["error"].as_str()),

@@ -18,6 +18,7 @@ use super::exit::Exit;
 use super::fault::Fault;
 use super::field::Field;
 use super::hal::Hal;
+use super::init::Init;
 use super::operator::RequestArgs;
 use super::output;
 use super::plan::Plan;
@@ -55,7 +56,7 @@ use super::web::Web;
     70 a mistake in this program; 73 cannot create; 74 input or output failed; 77 no permission; 78 configuration refused;\n\
     130, 143 ramped down after SIGINT, SIGTERM."
 )]
-struct Cli {
+pub struct Cli {
     #[command(subcommand)]
     command: Command,
 }
@@ -102,6 +103,7 @@ pub enum Command {
     Estop(RequestArgs),
     Fault(Fault),
     Hal(Hal),
+    Init(Init),
     Check(Check),
     Doctor(Doctor),
     Field(Field),
@@ -151,6 +153,7 @@ impl Command {
             Self::Estop(request) => request.run(verb::ESTOP),
             Self::Fault(command) => command.run(),
             Self::Hal(command) => command.run(),
+            Self::Init(command) => command.run(),
             Self::Check(command) => command.run(),
             Self::Doctor(command) => command.run(),
             Self::Field(command) => command.run(),

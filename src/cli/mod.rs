@@ -15,6 +15,8 @@ mod data_file;
 #[cfg(feature = "sim")]
 mod demo;
 mod doctor;
+#[cfg(all(test, feature = "sim", feature = "record", feature = "figures", feature = "top", feature = "web"))]
+mod documented;
 mod ending;
 mod events;
 mod exit;
@@ -27,6 +29,7 @@ mod field;
 )]
 mod figures;
 mod hal;
+mod init;
 #[cfg(feature = "sim")]
 mod managed;
 #[cfg(feature = "figures")]

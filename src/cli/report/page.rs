@@ -9,8 +9,8 @@ const STYLE: &str = "\
 body{font:16px/1.45 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#1a1a1a;background:#fff}\
 h1{font-size:1.6rem;margin-bottom:.2rem}h2{font-size:1.15rem;margin-top:2.2rem}\
 table{border-collapse:collapse;margin:.8rem 0}th,td{padding:.25rem .8rem .25rem 0;text-align:left;border-bottom:1px solid #ddd}\
-td.n{text-align:right;font-variant-numeric:tabular-nums}figure{margin:1.5rem 0}\
-figure svg{width:100%;max-width:44rem;height:auto;display:block}figcaption{max-width:44rem;color:#444;font-size:.92rem}\
+td{overflow-wrap:anywhere}.wide{overflow-x:auto}td.n{white-space:nowrap;text-align:right;font-variant-numeric:tabular-nums}figure{margin:1.5rem 0}\
+figure svg{width:100%;max-width:36rem;height:auto;display:block}figcaption{max-width:36rem;color:#444;font-size:.92rem}\
 pre{background:#f5f5f5;padding:.8rem;overflow-x:auto;font-size:.85rem}details{margin:.6rem 0}.bad{color:#b00020;font-weight:600}";
 
 /// A figure on the page.
@@ -37,7 +37,7 @@ pub fn page(run: &Run, figures: &[Figure]) -> String {
             text,
             "<figure id=\"{}\">{}<figcaption>{}</figcaption></figure>",
             figure.name,
-            drawing(&figure.svg),
+            drawing(figure),
             escaped(&figure.caption)
         );
     }
@@ -99,8 +99,8 @@ fn steps(run: &Run) -> String {
         })
         .collect();
     format!(
-        "<h2>Steps</h2>\n<table><tr><th>step</th><th>begin (s)</th><th>target from z (deg)</th><th>settled after</th>\
-         <th>mean error (deg)</th><th>RMS error (deg)</th><th>current (A)</th></tr>\n{rows}</table>\n\
+        "<h2>Steps</h2>\n<div class=\"wide\"><table><tr><th>step</th><th>begin (s)</th><th>target from z (deg)</th><th>settled after</th>\
+         <th>mean error (deg)</th><th>RMS error (deg)</th><th>current (A)</th></tr>\n{rows}</table></div>\n\
          <p>Judged by measured tangents; settled: within 1 degree from then on, for 0.25 s at least; errors over the last second.</p>\n"
     )
 }
@@ -123,9 +123,22 @@ fn timing(run: &Run) -> String {
     )
 }
 
-/// The drawing alone, without what makes it a file of its own, as wide as the page lets it be.
-fn drawing(svg: &str) -> &str {
-    svg.find("<svg").map_or(svg, |begin| &svg[begin..])
+/// The drawing alone, without what makes it a file of its own, with the box that lets the page scale it, and with names that no
+/// other drawing on the page has.
+fn drawing(figure: &Figure) -> String {
+    let svg = figure.svg.replace("kuva-clip-", &format!("{}-clip-", figure.name));
+    let svg = svg.find("<svg").map_or(&*svg, |begin| &svg[begin..]);
+    let head = svg.split_once('>').map_or(svg, |(head, _)| head);
+    let length = |name: &str| -> Option<f64> {
+        let (_, rest) = head.split_once(&format!(" {name}=\""))?;
+        rest.split_once('"')?.0.trim_end_matches("px").parse().ok()
+    };
+    match (length("width"), length("height")) {
+        (Some(width), Some(height)) if !head.contains("viewBox") => {
+            svg.replacen("<svg", &format!("<svg viewBox=\"0 0 {width} {height}\""), 1)
+        }
+        _ => svg.to_owned(),
+    }
 }
 
 fn escaped(text: &str) -> String {

@@ -27,8 +27,8 @@ const POLL: Duration = Duration::from_millis(50);
 
 /// Show a rig on a page: plots, the rod, currents, targets, a large STOP; and /metrics as OpenMetrics text.
 ///
-/// Whoever may log in on this machine can reach the page, and command the rig by it. The page fetches nothing
-/// from elsewhere. Waits for a daemon that is not there yet, and goes on with one that was started anew. To
+/// Prints the address with its key: whoever has that may command the rig; other users of this machine may look. The page
+/// fetches nothing from elsewhere. Waits for a daemon that is not there yet, and goes on with one that was started anew. To
 /// end it never stops the rig.
 #[derive(Debug, Args)]
 #[command(
@@ -76,6 +76,7 @@ impl Web {
                     runtime.block_on(TcpListener::bind(self.bind)).map_err(|error| self.unbound(&error))?;
                 let address = listener.local_addr()?;
                 let guard = Guard::new(address, self.allow_remote_viewing)?;
+                let key = if guard.commands() { format!("#key={}", guard.token()) } else { String::new() };
                 let (desk, drawer) = Desk::new(guard.commands(), guard.boot().to_owned());
                 let ended = std::sync::atomic::AtomicBool::new(false);
                 std::thread::scope(|scope| {
@@ -83,7 +84,7 @@ impl Web {
                     let viewer = || Viewer::new(endpoint, &config, self.journal.clone());
                     scope.spawn(|| drawer.serve(viewer(), &ended));
                     let _ended = SetAtEnd(&ended);
-                    output::result(format_args!("http://{address}/\n"))?;
+                    output::result(format_args!("http://{address}/{key}\n"))?;
                     runtime.block_on(serve(listener, desk, guard, &stop))
                 })?;
                 Ok(exit_of(&stop))

@@ -4,12 +4,13 @@
 //!
 //! | danger | held against it |
 //! |---|---|
-//! | another site's script sends a request to this machine | a token that only this page knows, in a header that other origins may not send |
+//! | another site's script sends a request to this machine | a key that is printed with the address, in a header that other origins may not send |
+//! | another user of this machine | the same key: it stands behind the address's `#`, is sent to nobody, and the page has it from there alone |
 //! | the same through a name that resolves to this machine (DNS rebinding) | the `Host` must be this machine's address, and the `Origin` the page's own |
 //! | the page in another site's frame, clicked through | it refuses to be framed |
-//! | another machine | refused, or with `--allow-remote-viewing` allowed to look: then there is no token at all |
+//! | another machine | refused, or with `--allow-remote-viewing` allowed to look: then there is no key at all |
 //!
-//! Not held against: other users of the same machine, who can load the page as its user does.
+//! Not held against: other users of the same machine, and of others where that is allowed, may look.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -31,8 +32,8 @@ pub enum Refusal {
     /// Sent by another site's page.
     #[error("commands are taken from this server's own page alone")]
     Origin,
-    /// Without the page's token, or with that of a former life of this process.
-    #[error("the token is not that of this server: load the page again")]
+    /// Without the key, or with that of a former life of this process.
+    #[error("the key is not that of this server: open the address that `magsteer web` printed")]
     Token,
     /// Served to other machines.
     #[error("commands are off, since other machines may look")]
@@ -75,7 +76,7 @@ impl Guard {
         self.token.is_some()
     }
 
-    /// The token that the page sends with its commands; empty when there are none.
+    /// The key that comes with commands; empty when there are none.
     pub fn token(&self) -> &str {
         self.token.as_deref().unwrap_or_default()
     }

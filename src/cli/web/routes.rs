@@ -34,8 +34,7 @@ const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = include_str!("page/page.js");
 const DRAWING: &str = include_str!("page/draw.js");
 const ICON: &str = include_str!("page/icon.svg");
-/// Where the page's markup takes the token of this process, and its name.
-const TOKEN_PLACE: &str = "{{token}}";
+/// Where the page's markup takes the name of this life of the process.
 const BOOT_PLACE: &str = "{{boot}}";
 /// Longest command: eight magnets with two angles each need some three hundred bytes.
 const COMMAND_BYTES_MAX: usize = 4 << 10;
@@ -95,7 +94,7 @@ fn refused(refusal: Refusal) -> Response {
 
 async fn page(State(shared): State<Arc<Shared>>) -> impl IntoResponse {
     let guard = &shared.guard;
-    let text = PAGE.replace(TOKEN_PLACE, guard.token()).replace(BOOT_PLACE, guard.boot());
+    let text = PAGE.replace(BOOT_PLACE, guard.boot());
     ([(header::CONTENT_TYPE, "text/html; charset=utf-8")], text)
 }
 

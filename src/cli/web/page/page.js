@@ -3,7 +3,8 @@ import { COIL_COLOURS, MAGNET_COLOURS, number, rodView, scene, timePlot } from "
 
 const byId = (id) => document.getElementById(id);
 const meta = (name) => document.querySelector(`meta[name="magsteer-${name}"]`).content;
-const token = meta("token");
+// Printed with the address; after the # it goes to no server.
+const token = new URLSearchParams(location.hash.slice(1)).get("key") ?? "";
 const HISTORY_S = 60;      // as far as the server remembers
 const FRAME_AGE_MAX_MS = 1500; // frames come ten times a second
 const RETRY_MS = 2000;     // after the server refused the stream
@@ -31,11 +32,12 @@ function listen() {
   source.addEventListener("hello", (event) => {
     const hello = JSON.parse(event.data);
     if (hello.boot !== meta("boot")) {
-      // Another life of the server: its token is another, too.
+      // Another life of the server: its page may be another, too.
       location.reload();
       return;
     }
-    mayCommand = hello.commands;
+    mayCommand = hello.commands && token !== "";
+    byId("locked").hidden = mayCommand || !hello.commands;
     document.body.classList.toggle("remote", !mayCommand);
     build(hello.rig);
     scene.samples = hello.samples;
