@@ -109,7 +109,7 @@ fn every_command_shown_is_one_that_this_program_takes() {
             }
         }
     }
-    assert!(count > 60, "only {count} commands were found");
+    assert!(count >= 50, "only {count} commands were found");
 }
 
 #[test]
