@@ -9,5 +9,5 @@ mod sheet;
 
 pub(crate) use layout::HasKind;
 pub use layout::{Field, Kind, Layout, layouts, schema_hash, type_names};
-pub use python::python;
+pub use python::{LEFT_OUT, python};
 pub use sheet::{CoilSheet, FrameSheet, MagnetSheet, RigSheet};

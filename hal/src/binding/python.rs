@@ -10,8 +10,9 @@ use crate::message::{COILS_MAX, MAGNETS_MAX, POSE_PARAMETERS_MAX, SCHEMA, driver
 use crate::operator::{Cause, state, verb};
 use crate::receive::FUTURE_TOLERANCE;
 
-/// Requests about faults and records of cycles are no business of a driver in another language.
-const LEFT_OUT: [&str; 10] = [
+/// Messages that the module leaves out: requests about faults and records of cycles are no business of a
+/// driver in another language.
+pub const LEFT_OUT: [&str; 10] = [
     "FaultRequest",
     "FaultAnswer",
     "TickMessage",
