@@ -1,4 +1,4 @@
-//! `magsteer hal bindings`: the messages for another language.
+//! `magsteer hal bindings` and `magsteer hal messages`: the messages for another language, and for people.
 
 use clap::Args;
 
@@ -14,6 +14,18 @@ pub struct Bindings {}
 impl Bindings {
     pub fn run(&self) -> anyhow::Result<Exit> {
         output::result(magsteer_hal::binding::python())?;
+        Ok(Exit::Success)
+    }
+}
+
+/// Print a reference of all messages, codes and services as Markdown.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  magsteer hal messages > hal/docs/messages.md")]
+pub struct Messages {}
+
+impl Messages {
+    pub fn run(&self) -> anyhow::Result<Exit> {
+        output::result(magsteer_hal::binding::reference())?;
         Ok(Exit::Success)
     }
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 use anyhow::anyhow;
 use clap::{Args, Subcommand};
 
-use self::bindings::Bindings;
+use self::bindings::{Bindings, Messages};
 use self::conformance::Conformance;
 use self::describe::Describe;
 use self::new::New;
@@ -30,6 +30,7 @@ enum Command {
     Conformance(Conformance),
     Describe(Describe),
     Bindings(Bindings),
+    Messages(Messages),
     New(New),
     UdpDriver(UdpDriver),
 }
@@ -40,6 +41,7 @@ impl Hal {
             Command::Conformance(command) => command.run(),
             Command::Describe(command) => command.run(),
             Command::Bindings(command) => command.run(),
+            Command::Messages(command) => command.run(),
             Command::New(command) => command.run(),
             Command::UdpDriver(command) => command.run(),
         }
