@@ -177,6 +177,7 @@ fn page_and_its_parts_are_served_with_a_policy_that_lets_nothing_else_in() {
     assert_eq!(web.ask("GET /command", &[], "").0, 405);
 }
 
+/// Proves SR-27.
 #[test]
 fn commands_reach_the_daemon_from_the_own_page_alone() {
     let (root, endpoint) = root();
@@ -283,6 +284,7 @@ fn events_begin_with_what_a_page_needs_and_go_on_with_frames() {
     assert!(samples > 10, "{samples} samples in {frames} frames");
 }
 
+/// Proves SR-27.
 #[test]
 fn other_machines_may_look_only_when_allowed_and_then_nobody_commands() {
     let (root, _endpoint) = root();

@@ -18,6 +18,7 @@ fn set() -> Verb {
     Verb::SetTarget([[0.0, 0.0, 1.0]; 8].into())
 }
 
+/// Proves SR-26.
 #[test]
 fn stream_that_ends_is_held_by_its_name_until_an_operator_says_go() {
     let mut bench = Bench::active();
