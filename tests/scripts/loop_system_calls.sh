@@ -30,6 +30,8 @@ state() { "$program" status "$file" --root "$root" --json 2>/dev/null | grep -o 
 
 "$program" sim-plant "$file" --root "$root" --allow-faults --fault-plan "$here/config/faults/flicker.toml" >/dev/null 2>"$root/plant.err" &
 plant=$!
+sleep 0.5
+kill -0 "$plant" 2>/dev/null || { cat "$root/plant.err" >&2; exit 1; }
 "$program" run "$file" --root "$root" --arm >/dev/null 2>"$root/daemon.err" &
 daemon=$!
 for _ in $(seq 200); do [ "$(state || true)" = armed ] && break; sleep 0.05; done
