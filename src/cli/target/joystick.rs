@@ -165,6 +165,8 @@ impl Joystick {
                 let answer = send(client, request)?;
                 if answer.accepted != 1 {
                     output::note(format_args!("refused: {}", cause::text(answer.cause)));
+                    // Without its target the daemon must not go on: it would go to the one before.
+                    break;
                 }
             }
         }
