@@ -94,7 +94,7 @@ pub use run::{RunError, RunPlan, RunReport, run};
 pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
-pub use statistics::{CycleTiming, MinuteStatistics, Statistics};
+pub use statistics::{CycleTiming, MinuteStatistics, Statistics, latency_histogram, latency_summary};
 pub use supervisor::{Decision, Supervisor};
 pub use timing_summary::{Bin, LatencySummary, PhaseSummary, TimingHistograms, TimingSummary};
 pub use trust::Astray;

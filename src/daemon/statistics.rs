@@ -75,19 +75,19 @@ impl Statistics {
             rate_hz,
             cycles: 0,
             missed: 0,
-            lateness: histogram(),
-            execution: histogram(),
+            lateness: latency_histogram(),
+            execution: latency_histogram(),
             phases: PhaseHistograms {
-                read: histogram(),
-                control: histogram(),
-                decide: histogram(),
-                write: histogram(),
-                record: histogram(),
+                read: latency_histogram(),
+                control: latency_histogram(),
+                decide: latency_histogram(),
+                write: latency_histogram(),
+                record: latency_histogram(),
             },
-            pose_age: histogram(),
-            pose_to_command: histogram(),
-            pose_to_driver: histogram(),
-            round_trip: histogram(),
+            pose_age: latency_histogram(),
+            pose_to_command: latency_histogram(),
+            pose_to_driver: latency_histogram(),
+            round_trip: latency_histogram(),
         };
         // Writes every counter; fresh memory is not there before it is written.
         statistics.clear();
@@ -145,19 +145,19 @@ impl Statistics {
             rate_hz: self.rate_hz,
             cycles: self.cycles,
             missed: self.missed,
-            lateness_us: summary(&self.lateness),
-            execution_us: summary(&self.execution),
+            lateness_us: latency_summary(&self.lateness),
+            execution_us: latency_summary(&self.execution),
             phases_us: PhaseSummary {
-                read: summary(&self.phases.read),
-                control: summary(&self.phases.control),
-                decide: summary(&self.phases.decide),
-                write: summary(&self.phases.write),
-                record: summary(&self.phases.record),
+                read: latency_summary(&self.phases.read),
+                control: latency_summary(&self.phases.control),
+                decide: latency_summary(&self.phases.decide),
+                write: latency_summary(&self.phases.write),
+                record: latency_summary(&self.phases.record),
             },
-            pose_age_us: summary(&self.pose_age),
-            pose_to_command_us: summary(&self.pose_to_command),
-            pose_to_driver_us: summary(&self.pose_to_driver),
-            round_trip_us: summary(&self.round_trip),
+            pose_age_us: latency_summary(&self.pose_age),
+            pose_to_command_us: latency_summary(&self.pose_to_command),
+            pose_to_driver_us: latency_summary(&self.pose_to_driver),
+            round_trip_us: latency_summary(&self.round_trip),
         }
     }
 
@@ -204,7 +204,10 @@ impl MinuteStatistics {
     }
 }
 
-fn histogram() -> Histogram<u64> {
+/// An empty histogram of times in ns, as the loop's are kept: to three digits, up to what is longest.
+#[must_use]
+#[expect(clippy::missing_panics_doc, reason = "the bounds are constants that it accepts")]
+pub fn latency_histogram() -> Histogram<u64> {
     Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are constants that it accepts")
 }
 
@@ -212,7 +215,9 @@ fn record(histogram: &mut Histogram<u64>, duration: Duration) {
     histogram.saturating_record(u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX));
 }
 
-fn summary(histogram: &Histogram<u64>) -> LatencySummary {
+/// Quantiles of a histogram of times in ns; zeros of an empty one.
+#[must_use]
+pub fn latency_summary(histogram: &Histogram<u64>) -> LatencySummary {
     let microseconds = |nanoseconds: u64| nanoseconds as f64 * 1e-3;
     let quantile = |share: f64| microseconds(histogram.value_at_quantile(share));
     LatencySummary {

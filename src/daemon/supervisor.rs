@@ -206,7 +206,9 @@ impl Supervisor {
             State::Holding { by_operator: false, sensing_lost, near_snap } => (sensing_lost, near_snap),
             _ => return,
         };
-        self.cause = self.cause.or(Some(Cause::StreamEnded));
+        if !near_snap {
+            self.cause = Some(Cause::StreamEnded);
+        }
         self.enter_holding(true, sensing_lost, near_snap);
     }
 

@@ -1,5 +1,8 @@
 //! What it took: currents and frame angles with their limits, conditioning and margin, and the loop's timing.
 
+use hdrhistogram::Histogram;
+use hdrhistogram::iterators::IterationValue;
+
 use super::run::{Run, Sample};
 use crate::cli::figures::{Axis, Chart, Look, Sheet, Trace};
 
@@ -79,11 +82,11 @@ fn parameters(run: &Run) -> f64 {
 /// The loop's timing: how often each time was exceeded.
 pub fn timing(run: &Run) -> Sheet {
     let times = &run.times;
-    let chart = |title: &str, values: &[f64]| Chart {
+    let chart = |title: &str, times: &Histogram<u64>| Chart {
         title: Some(title.to_owned()),
         x: Axis::new("time (us)").logarithmic(),
         y: Axis::new("share above").logarithmic(),
-        traces: vec![Trace::new("", Look::Line(0), exceeded(values))],
+        traces: vec![Trace::new("", Look::Line(0), exceeded(times))],
         ..Chart::default()
     };
     Sheet {
@@ -99,31 +102,17 @@ pub fn timing(run: &Run) -> Sheet {
     }
 }
 
-/// Share of the values that lie above each; of many values as many as a curve shows.
-fn exceeded(values: &[f64]) -> Vec<(f64, f64)> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let count = sorted.len();
-    let mut points: Vec<(f64, f64)> = Vec::new();
-    let mut above = count;
-    // From all to one, evenly on a logarithmic axis.
-    while above >= 1 {
-        let value = sorted[count - above].max(0.1);
-        points.push((value, above as f64 / count as f64));
-        above = (above as f64 / 1.05).floor().min(above as f64 - 1.0) as usize;
-    }
-    points
-}
-
-/// p50, p99, p99.9 and the greatest; zeros without values.
-pub fn quantiles(values: &[f64]) -> [f64; 4] {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let index = (share * sorted.len() as f64).ceil() as usize;
-        sorted.get(index.clamp(1, sorted.len().max(1)) - 1).copied().unwrap_or(0.0)
+/// Share of the values above which each lies, or with which it ends; (us, share).
+fn exceeded(times: &Histogram<u64>) -> Vec<(f64, f64)> {
+    let count = times.len() as f64;
+    let mut below = 0;
+    let point = |step: IterationValue<u64>| {
+        let share = (count - below as f64) / count;
+        below += step.count_since_last_iteration();
+        // Nothing stands at zero on a logarithmic axis.
+        (step.value_iterated_to().max(100) as f64 * 1e-3, share)
     };
-    [at(0.5), at(0.99), at(0.999), at(1.0)]
+    times.iter_recorded().map(point).collect()
 }
 
 fn over_time(run: &Run) -> Chart {
@@ -137,30 +126,24 @@ fn curve(run: &Run, of: impl Fn(&Sample) -> Option<f64>) -> Vec<(f64, f64)> {
 
 #[cfg(test)]
 mod tests {
-    use super::{exceeded, quantiles};
+    use magsteer::daemon::latency_histogram;
 
-    #[test]
-    fn quantiles_are_values_of_the_sample() {
-        let values: Vec<f64> = (1..=1000).rev().map(f64::from).collect();
-        assert_eq!(quantiles(&values), [500.0, 990.0, 999.0, 1000.0]);
-        assert_eq!(quantiles(&[7.0]), [7.0; 4]);
-        assert_eq!(quantiles(&[]), [0.0; 4]);
-    }
+    use super::exceeded;
 
     #[test]
     fn shares_fall_from_all_to_one_value() {
-        let values: Vec<f64> = (1..=1000).map(f64::from).collect();
-        let points = exceeded(&values);
-        assert_eq!(points.first(), Some(&(1.0, 1.0)));
-        assert_eq!(points.last(), Some(&(1000.0, 1e-3)));
+        let mut times = latency_histogram();
+        assert!(exceeded(&times).is_empty());
+        let values: Vec<u64> = (1..=1000).map(|value| value * 1_000).collect();
+        values.iter().for_each(|value| times.record(*value).expect("within bounds"));
+        let points = exceeded(&times);
+        assert_eq!(points.first().map(|point| point.1), Some(1.0));
+        assert!((points.last().expect("points").1 - 1e-3).abs() < 1e-12);
         assert!(points.windows(2).all(|pair| pair[1].0 > pair[0].0 && pair[1].1 < pair[0].1));
-        // At least as many as the share says lie at or above each value.
+        // So many of the values lie at or above each, to the width of a bucket.
         for (value, share) in points {
-            assert_eq!(
-                values.iter().filter(|other| **other >= value).count(),
-                (share * 1000.0).round() as usize
-            );
+            let above = values.iter().filter(|other| **other as f64 * 1e-3 >= value * (1.0 - 2e-3)).count();
+            assert!((above as f64 / 1000.0 - share).abs() < 5e-3, "{value} us: {above} and {share}");
         }
-        assert!(exceeded(&[]).is_empty());
     }
 }

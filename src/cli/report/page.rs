@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::health::quantiles;
+use magsteer::daemon::{LatencySummary, latency_summary};
+
 use super::run::Run;
 
 const STYLE: &str = "\
@@ -110,8 +111,9 @@ fn timing(run: &Run) -> String {
     let rows: String =
         [("lateness", &times.lateness), ("execution", &times.execution), ("pose age", &times.pose_age)]
             .iter()
-            .map(|(name, values)| {
-                let cells: String = quantiles(values)
+            .map(|(name, times)| {
+                let LatencySummary { p50, p99, p999, p9999, max } = latency_summary(times);
+                let cells: String = [p50, p99, p999, p9999, max]
                     .iter()
                     .map(|value| format!("<td class=\"n\">{value:.1}</td>"))
                     .collect();
@@ -119,7 +121,7 @@ fn timing(run: &Run) -> String {
             })
             .collect();
     format!(
-        "<h2>Timing</h2>\n<table><tr><th>us</th><th>p50</th><th>p99</th><th>p99.9</th><th>max</th></tr>\n{rows}</table>\n"
+        "<h2>Timing</h2>\n<table><tr><th>us</th><th>p50</th><th>p99</th><th>p99.9</th><th>p99.99</th><th>max</th></tr>\n{rows}</table>\n"
     )
 }
 

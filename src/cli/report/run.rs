@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use anyhow::anyhow;
+use hdrhistogram::Histogram;
 use magsteer::config::{Config, Document};
+use magsteer::daemon::latency_histogram;
 use magsteer::daemon::step_response::{Judge, Observation, StepResponse};
 use magsteer::recording::{Counts, Cycle, Info, Recording};
 use magsteer_hal::MAGNETS_MAX;
@@ -12,8 +14,9 @@ use magsteer_hal::operator::state;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::runs::refused_recording;
 
-/// Samples a second that figures show, at most.
+/// Samples a second that figures show, and of a whole run, at most.
 const SHOWN_HZ: f64 = 100.0;
+const SAMPLES_MAX: u64 = 20_000;
 /// A target that stood shorter than this is no step, s.
 const STEP_MIN: f64 = 0.3;
 
@@ -45,13 +48,19 @@ pub struct Step {
     pub response: StepResponse,
 }
 
-/// A time of every cycle, us.
-#[derive(Default)]
+/// Times of all cycles, ns: a run of hours fits too.
 pub struct Times {
-    pub lateness: Vec<f64>,
-    pub execution: Vec<f64>,
+    pub lateness: Histogram<u64>,
+    pub execution: Histogram<u64>,
     /// From the exposure of fresh poses to the cycle that used them.
-    pub pose_age: Vec<f64>,
+    pub pose_age: Histogram<u64>,
+}
+
+impl Times {
+    fn new() -> Self {
+        let [lateness, execution, pose_age] = std::array::from_fn(|_| latency_histogram());
+        Self { lateness, execution, pose_age }
+    }
 }
 
 /// What is known of a run.
@@ -76,7 +85,8 @@ impl Run {
         let name = format!("{} (its configuration)", recording.path().display());
         let config = Config::from_document(&Document::from_text(name, recording.config_text())?)?;
         let info = recording.info().clone();
-        let mut gathered = Gathered::new(&info);
+        let counts = recording.counts().map_err(refused_recording)?;
+        let mut gathered = Gathered::new(&info, counts.cycles);
         for cycle in recording.cycles().map_err(refused_recording)? {
             gathered.take(&cycle.map_err(refused_recording)?);
         }
@@ -89,7 +99,7 @@ impl Run {
             recording.events().map_err(refused_recording)?.into_iter().map(|event| event.text).collect();
         Ok(Self {
             description: recording.description().to_owned(),
-            counts: recording.counts().map_err(refused_recording)?,
+            counts,
             info,
             config,
             events,
@@ -124,26 +134,27 @@ struct Gathered {
 }
 
 impl Gathered {
-    fn new(info: &Info) -> Self {
+    fn new(info: &Info, cycles: u64) -> Self {
+        let by_rate = (info.rate_hz / SHOWN_HZ).ceil().max(1.0) as u64;
         Self {
-            stride: (info.rate_hz / SHOWN_HZ).ceil().max(1.0) as u64,
+            stride: by_rate.max(cycles.div_ceil(SAMPLES_MAX)),
             count: 0,
             first_ns: None,
             time: 0.0,
             samples: Vec::new(),
             steps: Vec::new(),
             under: None,
-            times: Times::default(),
+            times: Times::new(),
         }
     }
 
     fn take(&mut self, cycle: &Cycle) {
         let first = *self.first_ns.get_or_insert(cycle.now_ns);
         self.time = cycle.now_ns.saturating_sub(first) as f64 * 1e-9;
-        self.times.lateness.push(cycle.lateness_ns as f64 * 1e-3);
-        self.times.execution.push(cycle.execution_ns as f64 * 1e-3);
+        self.times.lateness.saturating_record(cycle.lateness_ns);
+        self.times.execution.saturating_record(cycle.execution_ns);
         if cycle.pose_fresh == 1 {
-            self.times.pose_age.push(cycle.now_ns.saturating_sub(cycle.pose_stamp_ns) as f64 * 1e-3);
+            self.times.pose_age.saturating_record(cycle.now_ns.saturating_sub(cycle.pose_stamp_ns));
         }
         self.take_step(cycle);
         if self.count.is_multiple_of(self.stride) {

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use magsteer_hal::operator::{Cause, state};
 
-use super::bench::Bench;
+use super::bench::{Bench, limits};
+use crate::control::Verdict;
+use crate::control::plan::Obstacle;
 use crate::daemon::state::{Directive, Verb};
 
 /// The bench runs at 1 kHz.
@@ -60,6 +62,21 @@ fn stream_that_ends_while_sensing_is_lost_stays_held_when_sensing_is_back() {
     let decision = bench.cycles(100);
     assert_eq!((decision.state, decision.directive), (state::HOLDING, Directive::Follow));
     assert_eq!(decision.cause, Some(Cause::StreamEnded));
+}
+
+/// Goal: what was told of a target before is not taken for why the loop holds; closeness to a snap-through is, and stays.
+#[test]
+fn hold_is_told_by_the_streams_end_and_not_by_what_went_before() {
+    let mut bench = Bench::active();
+    bench.cycle(Some(streamed()));
+    bench.seen.verdict = Verdict::Refused { obstacle: Obstacle::BranchEnds, progress: 0.5 };
+    assert_eq!(bench.cycle(None).cause, Some(Cause::TargetCrossesSnapThrough));
+    assert_eq!(bench.cycles(2 * VALID_CYCLES).cause, Some(Cause::StreamEnded));
+    let mut bench = Bench::active();
+    bench.cycle(Some(streamed()));
+    bench.seen.margin = limits().stability_hold - 1e-6;
+    let decision = bench.cycles(2 * VALID_CYCLES);
+    assert_eq!((decision.state, decision.cause), (state::HOLDING, Some(Cause::NearSnapThrough)));
 }
 
 /// Goal: before `go` a stream that ends holds nothing, and does so no later either.
