@@ -249,35 +249,12 @@ fn rust_template_has_the_rigs_own_fingerprint() {
     let (file, folder) = (world.file.to_str().expect("text"), world.root.path().to_str().expect("text"));
     let hal = Path::new(env!("CARGO_MANIFEST_DIR")).join("hal");
     let hal = hal.to_str().expect("text");
-    let made = magsteer(&[
-        "hal",
-        "new",
-        "drv",
-        "--lang",
-        "rust",
-        "--config",
-        file,
-        "--dir",
-        folder,
-        "--hal-path",
-        hal,
-    ]);
+    let new = ["hal", "new", "drv", "--lang", "rust", "--config", file, "--dir", folder, "--hal-path", hal];
+    let made = magsteer(&new);
     assert!(made.status.success(), "{}", text(&made.stderr));
     let tables = std::fs::read_to_string(world.root.path().join("drv/rig.toml")).expect("written");
     let config: magsteer_hal::config::HardwareConfig = toml::from_str(&tables).expect("the rig's tables");
     assert_eq!(config.build().expect("valid").fingerprint(), world.config.description.fingerprint());
-    let again = magsteer(&[
-        "hal",
-        "new",
-        "drv",
-        "--lang",
-        "rust",
-        "--config",
-        file,
-        "--dir",
-        folder,
-        "--hal-path",
-        hal,
-    ]);
+    let again = magsteer(&new);
     assert_eq!(again.status.code(), Some(73), "nothing is written over: {}", text(&again.stderr));
 }

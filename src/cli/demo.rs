@@ -1,4 +1,4 @@
-//! `magsteer demo`: plant and daemon as two processes, the planar experiment, a table and two pictures.
+//! `magsteer demo`: plant and daemon as two processes, the planar experiment, a table and a report.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,11 +13,11 @@ use magsteer_hal::operator::verb;
 use serde::Serialize;
 
 use super::ending::{exit_of, watching};
-use super::exit::{Exit, Failure};
+use super::exit::{Exit, Failure, cannot_create};
 use super::output;
 use super::pair::Pair;
 use super::play::{Played, table, timing_line};
-use super::run_folder::{cannot_create, dated};
+use super::run_folder::dated;
 use super::shipped;
 use super::sim_plant::PlantReport;
 
@@ -25,7 +25,7 @@ use super::sim_plant::PlantReport;
 const READY_WAIT: Duration = Duration::from_secs(5);
 /// Steer two magnets on a simulated rig: plant and daemon as two processes that meet in shared memory alone.
 ///
-/// Plays the planar experiment in real time, judges every step by the plant's true poses, and draws two pictures. Ends with 0
+/// Plays the planar experiment in real time, judges every step by the plant's true poses, and makes the run's report. Ends with 0
 /// when every step settled, with 1 when one did not.
 #[derive(Debug, Args)]
 #[command(
@@ -50,7 +50,7 @@ pub struct Demo {
 #[derive(Serialize)]
 struct Answer<'a> {
     all_settled: bool,
-    steps: Vec<&'a StepResponse>,
+    steps: &'a [StepResponse],
     #[serde(rename = "loop")]
     timing: &'a magsteer::daemon::TimingSummary,
     files: &'a [PathBuf],
@@ -84,7 +84,7 @@ impl Demo {
             },
         )??;
         let Some(played) = played else { return Ok(interrupted(&stop, &daemon, &plant)) };
-        let mut files = draw(&folder, &config, &played)?;
+        let mut files = if recording.is_some() { report(&folder)? } else { Vec::new() };
         files.extend(recording);
         self.print(&played, &daemon, &plant, &files)?;
         let is_sound = played.all_settled() && daemon.is_clean() && plant.limit_breaks == 0;
@@ -111,7 +111,7 @@ impl Demo {
         if self.json {
             return output::json(&Answer {
                 all_settled: played.all_settled(),
-                steps: played.steps.iter().map(|step| &step.response).collect(),
+                steps: &played.steps,
                 timing: &daemon.timing,
                 files,
                 judged_by_truth: played.judged_by_truth,
@@ -124,7 +124,9 @@ impl Demo {
             "plant: {} commands beyond a limit, largest current {:.2} A\n",
             plant.limit_breaks, plant.current_max_a
         );
-        for file in files {
+        // Of the report its page alone: the rest stands beside it.
+        let told = |file: &&PathBuf| file.extension().is_some_and(|kind| kind == "html" || kind == "mcap");
+        for file in files.iter().filter(told) {
             text += &format!("{}\n", file.display());
         }
         text += if played.all_settled() { "every step settled\n" } else { "NOT every step settled\n" };
@@ -185,13 +187,15 @@ fn play(
     Ok(stop.requested().is_none().then_some(played))
 }
 
-#[cfg(feature = "figures")]
-fn draw(folder: &Path, config: &Config, played: &Played) -> anyhow::Result<Vec<PathBuf>> {
-    super::run_pictures::draw(folder, config, played)
+/// Makes the report of what was recorded.
+#[cfg(all(feature = "figures", feature = "record"))]
+fn report(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let run = super::report::Run::open(folder)?;
+    super::report::write(&run, &super::report::beside(folder))
 }
 
 /// This build draws nothing.
-#[cfg(not(feature = "figures"))]
-fn draw(_: &Path, _: &Config, _: &Played) -> anyhow::Result<Vec<PathBuf>> {
+#[cfg(not(all(feature = "figures", feature = "record")))]
+fn report(_: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(Vec::new())
 }

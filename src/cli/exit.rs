@@ -88,7 +88,6 @@ impl Failure {
     }
 }
 
-#[cfg(any(feature = "sim", feature = "record"))]
 /// A file or folder that cannot be made, with its exit code.
 pub fn cannot_create(path: &std::path::Path, error: &std::io::Error) -> anyhow::Error {
     Failure::with(Exit::CannotCreate, anyhow::anyhow!("{}: cannot be created: {error}", path.display()))

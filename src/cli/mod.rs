@@ -32,7 +32,7 @@ mod hal;
 mod init;
 #[cfg(feature = "sim")]
 mod managed;
-#[cfg(feature = "figures")]
+#[cfg(all(feature = "figures", feature = "record"))]
 mod model_shapes;
 mod operator;
 mod output;
@@ -52,10 +52,8 @@ mod rig_file;
 mod run;
 #[cfg(feature = "record")]
 mod run_files;
-#[cfg(feature = "sim")]
+#[cfg(any(feature = "sim", feature = "record"))]
 mod run_folder;
-#[cfg(all(feature = "figures", feature = "sim"))]
-mod run_pictures;
 mod runs;
 mod shape;
 mod shape_answer;

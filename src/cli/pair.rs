@@ -14,10 +14,9 @@ use magsteer::daemon::{RunReport, StopFlag};
 use magsteer_hal::channels::{Endpoint, PrivateRoot};
 use magsteer_hal::operator::state;
 
-use super::exit::{Exit, Failure};
+use super::exit::{Exit, Failure, cannot_create};
 use super::play::Session;
 use super::rig_file::channel_failure;
-use super::run_folder::cannot_create;
 use super::sim_plant::PlantReport;
 
 /// Private roots are made with this name, under which `doctor` finds those of commands that were killed.

@@ -2,16 +2,15 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use anyhow::{Context, anyhow};
 use magsteer::config::Document;
-use magsteer::daemon::recorder::compact;
 use magsteer::daemon::{Bin, CompanionPlan, RunReport};
 use magsteer::recording::RECORDING;
 use magsteer_hal::channels::Endpoint;
 
 use super::exit::{Exit, Failure, cannot_create};
+use super::run_folder::dated;
 
 /// Where run folders are made.
 pub const RUNS: &str = "runs";
@@ -117,7 +116,7 @@ fn row(time: &str, bin: &Bin) -> String {
 
 /// `runs/run-YYYYMMDD-HHMMSS`, UTC; with a number behind it when that is taken.
 fn dated_folder() -> anyhow::Result<PathBuf> {
-    let name = format!("run-{}", compact(SystemTime::now()));
+    let name = dated("run");
     let numbered = (2..NAMES_MAX).map(|number| format!("{name}-{number}"));
     let mut folders = std::iter::once(name.clone()).chain(numbered).map(|name| Path::new(RUNS).join(name));
     folders.find(|folder| !folder.exists()).ok_or_else(|| {

@@ -32,6 +32,14 @@ struct Response {
 }
 
 impl Response {
+    /// What was sent, and what answered.
+    fn told(&self, answering: usize, value: f64, Words { channel, unit, .. }: &Words) -> String {
+        format!(
+            "{channel} {} was sent {:.4} {unit}, {channel} {answering} measures {value:.4} {unit}",
+            self.channel, self.commanded
+        )
+    }
+
     /// The channel that answers most, and by how much; `None` when none does.
     fn answering(&self) -> Option<(usize, f64)> {
         let greatest =
@@ -179,13 +187,7 @@ fn order(sweep: &[Response], words: &Words) -> Outcome {
     for response in sweep {
         let Some((answering, value)) = response.answering() else { continue };
         told += 1;
-        require(answering == response.channel, || {
-            let Words { channel, unit, .. } = words;
-            format!(
-                "{channel} {} was sent {:.4} {unit}, {channel} {answering} measures {value:.4} {unit}",
-                response.channel, response.commanded
-            )
-        })?;
+        require(answering == response.channel, || response.told(answering, value, words))?;
     }
     if told == 0 {
         return not_tried("nothing answers: see the scale");
@@ -198,13 +200,7 @@ fn sign(sweep: &[Response], words: &Words) -> Outcome {
     for response in sweep {
         let Some((answering, value)) = response.answering() else { continue };
         told += 1;
-        require(value * response.commanded > 0.0, || {
-            let Words { channel, unit, .. } = words;
-            format!(
-                "{channel} {} was sent {:.4} {unit}, {channel} {answering} measures {value:.4} {unit}",
-                response.channel, response.commanded
-            )
-        })?;
+        require(value * response.commanded > 0.0, || response.told(answering, value, words))?;
     }
     if told == 0 {
         return not_tried("nothing answers: see the scale");

@@ -23,8 +23,7 @@ use magsteer::config::Resolved;
 use serde::{Deserialize, Serialize};
 
 use super::row::{Columns, RunRow};
-use crate::cli::exit::{Exit, Failure};
-use crate::cli::run_folder::cannot_create;
+use crate::cli::exit::{Exit, Failure, cannot_create};
 
 const CONFIG: &str = "config.toml";
 const EXPERIMENT: &str = "experiment.toml";

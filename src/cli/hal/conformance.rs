@@ -14,10 +14,10 @@ use magsteer_hal::conformance::{
 use serde::Serialize;
 
 use super::super::ending::{exit_of, watching};
+use super::super::exit::cannot_create;
 use super::super::exit::{Exit, Failure};
 use super::super::output;
 use super::super::rig_file::{RootArgs, channel_failure, keep_files_private};
-use super::cannot_create;
 
 /// How far to go.
 #[derive(Debug, Clone, Copy, ValueEnum)]

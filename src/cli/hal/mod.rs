@@ -6,9 +6,6 @@ mod describe;
 mod new;
 mod udp_driver;
 
-use std::path::Path;
-
-use anyhow::anyhow;
 use clap::{Args, Subcommand};
 
 use self::bindings::{Bindings, Messages};
@@ -16,7 +13,7 @@ use self::conformance::Conformance;
 use self::describe::Describe;
 use self::new::New;
 use self::udp_driver::UdpDriver;
-use super::exit::{Exit, Failure};
+use super::exit::Exit;
 
 /// Tools for whoever writes a driver: a template, a rig's numbers, the check of a running one.
 #[derive(Debug, Args)]
@@ -46,9 +43,4 @@ impl Hal {
             Command::UdpDriver(command) => command.run(),
         }
     }
-}
-
-/// A file or folder that cannot be made, with its exit code.
-fn cannot_create(path: &Path, error: &std::io::Error) -> anyhow::Error {
-    Failure::with(Exit::CannotCreate, anyhow!("{}: cannot be created: {error}", path.display()))
 }

@@ -10,9 +10,9 @@ use magsteer_hal::HardwareDescription;
 use magsteer_hal::binding::{RigSheet, python};
 use serde::Serialize;
 
+use super::super::exit::cannot_create;
 use super::super::exit::{Exit, Failure};
 use super::super::{output, shipped};
-use super::cannot_create;
 
 /// What the driver is written in.
 #[derive(Debug, Clone, Copy, ValueEnum)]

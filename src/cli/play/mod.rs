@@ -15,5 +15,3 @@ pub use report::{table, timing_line};
 #[cfg(feature = "sim")]
 pub use session::Played;
 pub use session::Session;
-#[cfg(all(feature = "figures", feature = "sim"))]
-pub use session::{PlayedStep, Sample};

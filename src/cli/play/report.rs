@@ -26,8 +26,7 @@ pub fn table(played: &Played) -> String {
     let mut text = String::from(
         "target (deg)        settled after  error mean (deg)    error RMS (deg)     largest current\n",
     );
-    for step in &played.steps {
-        let response = &step.response;
+    for response in &played.steps {
         let list = |values: &[f64], digits: usize| {
             let parts: Vec<String> = values.iter().map(|value| format!("{value:.digits$}")).collect();
             parts.join("  ")

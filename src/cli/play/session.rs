@@ -4,13 +4,12 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use magsteer::config::{Experiment, ExperimentStep, Until};
-use magsteer::control::Directions;
 use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::HardwareDescription;
+use magsteer_hal::Stamp;
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
 use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verdict};
-use magsteer_hal::{Actuation, Stamp};
 
 use super::live_line::{LiveLine, live};
 use super::watched::Watched;
@@ -24,48 +23,10 @@ const SILENCE_MAX: Duration = Duration::from_secs(2);
 /// How often the live line is drawn anew.
 const REDRAW: Duration = Duration::from_millis(100);
 
-/// One status of the daemon, as far as pictures need it.
-#[cfg_attr(
-    not(all(feature = "figures", feature = "sim")),
-    expect(dead_code, reason = "pictures alone read all of it")
-)]
-pub struct Sample {
-    /// Time since the experiment began, s.
-    pub time_s: f64,
-    /// Targets.
-    pub target: Directions,
-    /// Measured tangents.
-    pub measured: Directions,
-    /// Predicted tangents.
-    pub predicted: Directions,
-    /// Measured currents and angles.
-    pub actuation: Actuation,
-}
-
-/// One step as it was played.
-#[cfg_attr(
-    not(all(feature = "figures", feature = "sim")),
-    expect(dead_code, reason = "pictures alone read all of it")
-)]
-pub struct PlayedStep {
-    /// How it went.
-    pub response: StepResponse,
-    /// Its targets.
-    pub target: Directions,
-    /// When it ended, s since the experiment began.
-    pub end_s: f64,
-}
-
 /// An experiment as it was played.
-#[cfg_attr(
-    not(all(feature = "figures", feature = "sim")),
-    expect(dead_code, reason = "pictures alone read all of it")
-)]
 pub struct Played {
     /// Every step, in order.
-    pub steps: Vec<PlayedStep>,
-    /// Every status seen.
-    pub samples: Vec<Sample>,
+    pub steps: Vec<StepResponse>,
     /// True when steps were judged by the plant's true poses, false when by measured ones.
     pub judged_by_truth: bool,
     /// Timing of the daemon's loop so far; `None` when nothing was heard of it.
@@ -75,7 +36,7 @@ pub struct Played {
 impl Played {
     /// True when every step settled.
     pub fn all_settled(&self) -> bool {
-        self.steps.iter().all(|step| step.response.settled_s.is_some())
+        self.steps.iter().all(|step| step.settled_s.is_some())
     }
 }
 
@@ -83,8 +44,6 @@ impl Played {
 pub struct Session {
     pub(super) client: OperatorClient,
     truth: Option<TruthObserver>,
-    begin: Stamp,
-    samples: Vec<Sample>,
 }
 
 impl Session {
@@ -97,7 +56,7 @@ impl Session {
             OperatorClient::open(endpoint, wait).map_err(|error| Failure::with(Exit::Unavailable, error))?;
         // A driver of real coils has no truth to offer.
         let truth = TruthObserver::open(endpoint, Duration::ZERO).ok();
-        Ok(Self { client, truth, begin: Stamp::now(), samples: Vec::new() })
+        Ok(Self { client, truth })
     }
 
     /// Plays every step of `experiment`; stops early when `stop` is set.
@@ -110,7 +69,6 @@ impl Session {
         rig: &HardwareDescription,
         stop: &StopFlag,
     ) -> anyhow::Result<Played> {
-        self.begin = Stamp::now();
         let mut steps = Vec::new();
         for (index, step) in experiment.steps.iter().enumerate() {
             let asked = experiment.target(step, rig);
@@ -120,11 +78,10 @@ impl Session {
             let Some(response) = self.play_step(&label, &target[..magnets], step, stop)? else {
                 break;
             };
-            let end_s = Stamp::now().since(self.begin).as_secs_f64();
-            steps.push(PlayedStep { response, target, end_s });
+            steps.push(response);
         }
         let timing = self.client.newest_status(Stamp::now()).map(|status| TimingSummary::of_status(&status));
-        Ok(Played { steps, samples: self.samples, judged_by_truth: self.truth.is_some(), timing })
+        Ok(Played { steps, judged_by_truth: self.truth.is_some(), timing })
     }
 
     /// Watches one step to its end; `None` when it was broken off.
@@ -183,21 +140,10 @@ impl Session {
         Ok(Some(watched.judge.verdict()))
     }
 
-    /// Takes over what arrived: statuses for pictures, and what the step is judged by.
+    /// Takes over what the step is judged by.
     fn watch(&mut self, watched: &mut Watched) {
-        let begin = self.begin;
         let by_truth = self.truth.is_some();
-        let samples = &mut self.samples;
-        self.client.drain_status(Stamp::now(), |status| {
-            samples.push(Sample {
-                time_s: status.header.source_stamp().since(begin).as_secs_f64(),
-                target: status.target_direction,
-                measured: status.measured_direction,
-                predicted: status.predicted_direction,
-                actuation: status.measured,
-            });
-            watched.take(status, by_truth);
-        });
+        self.client.drain_status(Stamp::now(), |status| watched.take(status, by_truth));
         if let Some(truth) = &mut self.truth {
             truth.drain(Stamp::now(), |pose| watched.take_truth(pose));
         }

@@ -8,9 +8,8 @@ use serde::Serialize;
 use super::page::{Figure, page};
 use super::run::Run;
 use super::{health, modelling, steering};
-use crate::cli::exit::Exit;
+use crate::cli::exit::{Exit, cannot_create};
 use crate::cli::output;
-use crate::cli::run_folder::cannot_create;
 
 /// Make the figures of a recorded run: as SVG, PNG and CSV, and one page with all of them.
 ///
@@ -43,27 +42,7 @@ struct Answer<'a> {
 impl Report {
     pub fn run(&self) -> anyhow::Result<Exit> {
         let run = Run::open(&self.run)?;
-        let folder = self.out.clone().unwrap_or_else(|| beside(&self.run));
-        std::fs::create_dir_all(&folder).map_err(|error| cannot_create(&folder, &error))?;
-        let sheets = [
-            Some(steering::angles(&run)),
-            steering::convergence(&run),
-            steering::views(&run),
-            Some(health::actuation(&run)),
-            Some(health::margins(&run)),
-            modelling::forces(&run),
-            Some(modelling::field(&run)),
-            Some(health::timing(&run)),
-        ];
-        let (mut figures, mut files) = (Vec::new(), Vec::new());
-        for sheet in sheets.into_iter().flatten() {
-            let (svg, written) = sheet.write(&folder)?;
-            files.extend(written);
-            figures.push(Figure { name: sheet.name, caption: sheet.caption, svg });
-        }
-        let file = folder.join("report.html");
-        std::fs::write(&file, page(&run, &figures)).map_err(|error| cannot_create(&file, &error))?;
-        files.insert(0, file);
+        let files = write(&run, &self.out.clone().unwrap_or_else(|| beside(&self.run)))?;
         if self.json {
             let steps = run.steps.iter().map(|step| &step.response).collect();
             output::json(&Answer { run: &self.run, files: &files, steps })?;
@@ -75,8 +54,35 @@ impl Report {
     }
 }
 
+/// Makes every figure of a run and the page with all of them in a folder; returns their paths, the page's first.
+///
+/// # Errors
+/// When a figure cannot be drawn, or a file cannot be written.
+pub fn write(run: &Run, folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    std::fs::create_dir_all(folder).map_err(|error| cannot_create(folder, &error))?;
+    let sheets = [
+        Some(steering::angles(run)),
+        steering::convergence(run),
+        steering::views(run),
+        Some(health::actuation(run)),
+        Some(health::margins(run)),
+        modelling::forces(run),
+        Some(modelling::field(run)),
+        Some(health::timing(run)),
+    ];
+    let file = folder.join("report.html");
+    let (mut figures, mut files) = (Vec::new(), vec![file.clone()]);
+    for sheet in sheets.into_iter().flatten() {
+        let (svg, written) = sheet.write(folder)?;
+        files.extend(written);
+        figures.push(Figure { name: sheet.name, caption: sheet.caption, svg });
+    }
+    std::fs::write(&file, page(run, &figures)).map_err(|error| cannot_create(&file, &error))?;
+    Ok(files)
+}
+
 /// The folder of the report of a run, which may be named by its recording.
-fn beside(run: &Path) -> PathBuf {
+pub fn beside(run: &Path) -> PathBuf {
     let folder = if run.is_dir() { run } else { run.parent().unwrap_or(Path::new("")) };
     folder.join("report")
 }

@@ -11,3 +11,7 @@ mod run;
 mod steering;
 
 pub use command::Report;
+#[cfg(feature = "sim")]
+pub use command::{beside, write};
+#[cfg(feature = "sim")]
+pub use run::Run;

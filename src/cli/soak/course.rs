@@ -15,10 +15,9 @@ use super::process::{DaemonProcess, Met};
 use super::steering::Steering;
 use super::thresholds::{Judged, Thresholds};
 use crate::cli::doctor::{Machine, Stolen};
-use crate::cli::exit::{Exit, Failure};
+use crate::cli::exit::{Exit, Failure, cannot_create};
 use crate::cli::output;
 use crate::cli::play::LiveLine;
-use crate::cli::run_folder::cannot_create;
 
 /// How often the channels are looked at.
 const POLL: Duration = Duration::from_millis(10);

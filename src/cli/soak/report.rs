@@ -11,8 +11,7 @@ use super::course::Course;
 use super::measures::Measures;
 use super::provenance::Provenance;
 use super::thresholds::Judged;
-use crate::cli::exit::{Exit, Failure};
-use crate::cli::run_folder::cannot_create;
+use crate::cli::exit::{Exit, Failure, cannot_create};
 use crate::cli::sim_plant::PlantReport;
 
 /// One line a minute, and the last one.

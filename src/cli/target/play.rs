@@ -52,7 +52,7 @@ pub struct Play {
 #[derive(Serialize)]
 struct PlayAnswer<'a> {
     all_settled: bool,
-    steps: Vec<&'a StepResponse>,
+    steps: &'a [StepResponse],
     #[serde(rename = "loop")]
     timing: Option<&'a TimingSummary>,
     files: [&'a str; 0],
@@ -125,7 +125,7 @@ pub(super) fn play_and_tell(
     if json {
         output::json(&PlayAnswer {
             all_settled: played.all_settled(),
-            steps: played.steps.iter().map(|step| &step.response).collect(),
+            steps: &played.steps,
             timing: played.timing.as_ref(),
             files: [],
             judged_by_truth: played.judged_by_truth,

@@ -1,0 +1,245 @@
+//! What surrounds the processes goes away while coils carry current: the terminal, whoever read their output, memory.
+//!
+//! Full disks are in `recorder_process.rs`, kills and stops in `kill.rs`, clocks that are stepped in `no_wall_clock.rs`.
+//! No test judges how long anything took; each waits for a state, bounded only so that a failure ends.
+
+#![cfg(feature = "sim")]
+
+mod process_support;
+
+use std::ffi::CStr;
+use std::fs::File;
+use std::os::fd::{AsFd, OwnedFd};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::Duration;
+
+use magsteer_hal::operator::{Cause, state};
+use process_support::{PATIENCE, Process, World, current, until};
+use rustix::fs::{Mode, OFlags};
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+/// A coil that carries less counts as being at rest, A: `ramp_done_a` of the configuration.
+const REST: f64 = 0.1;
+
+/// `magsteer NAME` on the rig of `world`, with nothing said yet of its input and output.
+fn command(world: &World, name: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
+    add_arguments(&mut command, world, name);
+    command
+}
+
+fn add_arguments(command: &mut Command, world: &World, name: &str) {
+    command.arg(name).arg(&world.file).arg("--root").arg(world.root.path());
+    if name == "run" {
+        command.args(["--wait-s", "30"]).arg("--flights").arg(world.recordings());
+    }
+}
+
+/// A child that does not outlive a failed test.
+struct Held(Child);
+
+impl Held {
+    fn start(command: &mut Command) -> Self {
+        Self(command.spawn().expect("the program is built"))
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.0), signal).expect("the child is there");
+    }
+
+    fn runs(&mut self) -> bool {
+        self.0.try_wait().expect("a child").is_none()
+    }
+
+    fn wait(&mut self) -> ExitStatus {
+        until(|| self.0.try_wait().expect("a child"), || format!("runs on after {PATIENCE:?}"))
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A terminal, and the program that has it as its controlling one. Dropping the first closes the terminal, which the
+/// kernel tells the program by SIGHUP.
+fn in_terminal(world: &World, name: &str) -> (OwnedFd, Held) {
+    let terminal = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo-terminal");
+    grantpt(&terminal).expect("own terminal");
+    unlockpt(&terminal).expect("own terminal");
+    let path = ptsname(&terminal, Vec::new()).expect("own terminal");
+    let far = open_far(&path);
+    let clone = || Stdio::from(far.as_fd().try_clone_to_owned().expect("a descriptor"));
+    // Makes a session of the program and its standard input the terminal of that.
+    let mut command = Command::new("setsid");
+    command.arg("--ctty").arg(env!("CARGO_BIN_EXE_magsteer"));
+    add_arguments(&mut command, world, name);
+    let held = Held::start(command.stdin(clone()).stdout(clone()).stderr(clone()));
+    (terminal, held)
+}
+
+fn open_far(path: &CStr) -> OwnedFd {
+    rustix::fs::open(path, OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).expect("own terminal")
+}
+
+/// Proves SR-15.
+#[test]
+fn a_daemon_whose_terminal_closes_ramps_down_and_ends_with_143() {
+    let world = World::new();
+    let plant = world.plant();
+    let (terminal, mut daemon) = in_terminal(&world, "run");
+    world.operator().steer();
+    drop(terminal);
+    assert_eq!(daemon.wait().code(), Some(143));
+    let report = plant.end().report;
+    assert_eq!(report["ended_currentless"], true, "{report}");
+    assert_eq!(report["limit_breaks"], 0, "{report}");
+    let journal = std::fs::read_to_string(world.recordings().join("events.jsonl")).expect("a journal");
+    let last = journal.lines().last().expect("a line");
+    assert!(last.contains("idle"), "it waited for the ramp: {journal}");
+}
+
+/// Proves SR-02 and SR-15.
+#[test]
+fn a_plant_whose_terminal_closes_ends_at_zero_and_its_follower_is_steered() {
+    let world = World::new();
+    let (terminal, mut plant) = in_terminal(&world, "sim-plant");
+    let daemon = world.daemon();
+    let mut operator = world.operator();
+    operator.steer();
+    drop(terminal);
+    assert_eq!(plant.wait().code(), Some(143));
+    let status = operator.until_state(state::FAULT);
+    let cause = Cause::from_code(status.cause).expect("known").text();
+    assert!(cause.contains("driver"), "{cause}");
+    let plant = world.plant();
+    operator.steer();
+    assert_eq!(daemon.end().code, Some(0));
+    assert_eq!(plant.end().report["ended_currentless"], true);
+}
+
+/// Output that nobody can take: a pipe without a reader, and a full disk.
+fn broken_outputs() -> Vec<(&'static str, Box<dyn Fn() -> Stdio>)> {
+    let without_reader = || {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        Stdio::from(writer)
+    };
+    let full = || Stdio::from(File::options().write(true).open("/dev/full").expect("on every Linux"));
+    vec![("a pipe without a reader", Box::new(without_reader)), ("a full disk", Box::new(full))]
+}
+
+/// Proves SR-15.
+#[test]
+fn who_steers_does_not_mind_that_nobody_takes_its_output() {
+    for (what, output) in broken_outputs() {
+        let world = World::new();
+        let start = |name| Held::start(command(&world, name).stdin(Stdio::null()).stdout(output()).stderr(output()));
+        let (mut plant, mut daemon) = (start("sim-plant"), start("run"));
+        let mut operator = world.operator();
+        let begun = operator.steer().cycle;
+        operator.until(|status| status.cycle > begun + 2_000);
+        assert!(plant.runs() && daemon.runs(), "{what}");
+        let steered = operator.steer();
+        assert!(steered.state == state::ACTIVE && current(&steered) > REST, "{what}: {steered:?}");
+        daemon.signal(Signal::TERM);
+        assert_eq!(daemon.wait().code(), Some(143), "{what}");
+        let status = operator.last_status().expect("it published");
+        assert!(status.state == state::IDLE && current(&status) < REST, "{what}: {status:?}");
+        plant.signal(Signal::TERM);
+        assert_eq!(plant.wait().code(), Some(143), "{what}");
+    }
+}
+
+/// A group of processes that may have so much memory together; gone with this.
+struct MemoryGroup {
+    path: PathBuf,
+    /// The group's files of what it may use and of what it uses, bytes.
+    limit: &'static str,
+    usage: &'static str,
+}
+
+impl MemoryGroup {
+    /// `None` where this process may not make one: it takes root, or a delegated part of the tree.
+    fn create() -> Option<Self> {
+        let own = std::fs::read_to_string("/proc/self/cgroup").ok()?;
+        let kinds = [
+            (":memory:", "/sys/fs/cgroup/memory", "memory.limit_in_bytes", "memory.usage_in_bytes"),
+            ("0::", "/sys/fs/cgroup", "memory.max", "memory.current"),
+        ];
+        for (mark, root, limit, usage) in kinds {
+            let Some(parent) = own.lines().find_map(|line| Some(line.split_once(mark)?.1)) else { continue };
+            let name = format!("magsteer-{}", std::process::id());
+            let path = Path::new(root).join(parent.trim_start_matches('/')).join(name);
+            if std::fs::create_dir(&path).is_err() {
+                continue;
+            }
+            let group = Self { path, limit, usage };
+            if group.path.join(limit).exists() {
+                return Some(group);
+            }
+        }
+        None
+    }
+
+    /// Starts a shell's command within the group.
+    fn start(&self, script: &str, command: &Command) -> Held {
+        let mut within = Command::new("sh");
+        let script = format!("echo $$ > '{}'\n{script}", self.path.join("cgroup.procs").display());
+        within.args(["-c", &script]).arg(command.get_program()).args(command.get_args());
+        Held::start(within.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()))
+    }
+
+    fn allow_more(&self, bytes: u64) {
+        let usage = std::fs::read_to_string(self.path.join(self.usage)).expect("own group");
+        let usage: u64 = usage.trim().parse().expect("a number");
+        std::fs::write(self.path.join(self.limit), (usage + bytes).to_string()).expect("own group");
+    }
+}
+
+impl Drop for MemoryGroup {
+    fn drop(&mut self) {
+        // Its processes have ended; the kernel may take a moment to bury the last.
+        for _ in 0..100 {
+            if std::fs::remove_dir(&self.path).is_ok() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+/// Proves SR-19.
+#[test]
+fn processes_that_take_all_memory_beside_the_rig_are_ridden_through() {
+    let world = World::new();
+    let Some(group) = MemoryGroup::create() else {
+        println!("skipped: no memory group may be made here");
+        return;
+    };
+    // "$0" and "$@" are program and arguments.
+    let start = |name| group.start(r#"exec "$0" "$@""#, &command(&world, name));
+    let (mut plant, mut daemon) = (start("sim-plant"), start("run"));
+    let mut operator = world.operator();
+    operator.steer();
+    group.allow_more(32 << 20);
+    for round in 0..5 {
+        // Takes what it gets, and is who has to go when there is no more.
+        let hog = "echo 1000 > /proc/self/oom_score_adj\nexec tail /dev/zero";
+        let ended = group.start(hog, &Command::new("tail")).wait();
+        assert_eq!(ended.code(), None, "round {round}: killed for want of memory");
+        assert!(plant.runs() && daemon.runs(), "round {round}");
+        let status = operator.steer();
+        assert_eq!(status.loop_allocations, 0, "round {round}");
+    }
+    daemon.signal(Signal::TERM);
+    assert_eq!(daemon.wait().code(), Some(143));
+    let status = operator.last_status().expect("it published");
+    assert!(status.state == state::IDLE && current(&status) < REST, "{status:?}");
+    plant.signal(Signal::TERM);
+    assert_eq!(plant.wait().code(), Some(143));
+}
