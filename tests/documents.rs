@@ -276,7 +276,7 @@ impl Reader {
             Ends(codes) => self.runs(line, codes),
             Afresh => self.runs(line, &[0]),
             Stays | StaysAfresh => self.keeps(line),
-            Elsewhere(_) => (),
+            Elsewhere(why) => println!("    not run here: {why}"),
         }
     }
 }

@@ -129,37 +129,51 @@ fn a_plant_whose_terminal_closes_ends_at_zero_and_its_follower_is_steered() {
     assert_eq!(plant.end().report["ended_currentless"], true);
 }
 
-/// Output that nobody can take: a pipe without a reader, and a full disk.
-fn broken_outputs() -> Vec<(&'static str, Box<dyn Fn() -> Stdio>)> {
-    let without_reader = || {
-        let (reader, writer) = std::io::pipe().expect("a pipe");
-        drop(reader);
-        Stdio::from(writer)
-    };
-    let full = || Stdio::from(File::options().write(true).open("/dev/full").expect("on every Linux"));
-    vec![("a pipe without a reader", Box::new(without_reader)), ("a full disk", Box::new(full))]
+/// Output that nobody can take.
+#[derive(Debug, Clone, Copy)]
+enum Broken {
+    /// A pipe whose reader has gone.
+    Pipe,
+    /// A disk that is full.
+    Disk,
+}
+
+impl Broken {
+    fn output(self) -> Stdio {
+        match self {
+            Self::Pipe => {
+                let (reader, writer) = std::io::pipe().expect("a pipe");
+                drop(reader);
+                Stdio::from(writer)
+            }
+            Self::Disk => Stdio::from(File::options().write(true).open("/dev/full").expect("on every Linux")),
+        }
+    }
 }
 
 /// Proves SR-15.
 #[test]
 fn who_steers_does_not_mind_that_nobody_takes_its_output() {
-    for (what, output) in broken_outputs() {
+    for what in [Broken::Pipe, Broken::Disk] {
         let world = World::new();
-        let start =
-            |name| Held::start(command(&world, name).stdin(Stdio::null()).stdout(output()).stderr(output()));
+        let start = |name| {
+            Held::start(
+                command(&world, name).stdin(Stdio::null()).stdout(what.output()).stderr(what.output()),
+            )
+        };
         let (mut plant, mut daemon) = (start("sim-plant"), start("run"));
         let mut operator = world.operator();
         let begun = operator.steer().cycle;
         operator.until(|status| status.cycle > begun + 2_000);
-        assert!(plant.runs() && daemon.runs(), "{what}");
+        assert!(plant.runs() && daemon.runs(), "{what:?}");
         let steered = operator.steer();
-        assert!(steered.state == state::ACTIVE && current(&steered) > REST, "{what}: {steered:?}");
+        assert!(steered.state == state::ACTIVE && current(&steered) > REST, "{what:?}: {steered:?}");
         daemon.signal(Signal::TERM);
-        assert_eq!(daemon.wait().code(), Some(143), "{what}");
+        assert_eq!(daemon.wait().code(), Some(143), "{what:?}");
         let status = operator.last_status().expect("it published");
-        assert!(status.state == state::IDLE && current(&status) < REST, "{what}: {status:?}");
+        assert!(status.state == state::IDLE && current(&status) < REST, "{what:?}: {status:?}");
         plant.signal(Signal::TERM);
-        assert_eq!(plant.wait().code(), Some(143), "{what}");
+        assert_eq!(plant.wait().code(), Some(143), "{what:?}");
     }
 }
 
