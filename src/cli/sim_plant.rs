@@ -97,7 +97,7 @@ impl SimPlant {
         if let Some(seed) = self.seed {
             settings.seed = seed;
         }
-        let built = settings.build(&config.description);
+        let built = settings.build_as(&config.description, &config.nominal(&document)?);
         let mut plant = match built {
             Ok(plant) => plant,
             Err(refused) => {
