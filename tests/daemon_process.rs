@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use ideal_driver::Driver;
 use magsteer::config::Config;
+use magsteer::daemon::threads::threads_of;
 use magsteer_hal::channels::PrivateRoot;
 use magsteer_hal::message::driver_state;
 use rustix::process::{Pid, Signal, kill_process};
@@ -279,6 +280,62 @@ fn a_second_daemon_on_a_rig_is_refused() {
     assert!(said.contains("already has a daemon"), "{said}");
     daemon.signal(Signal::INT);
     assert_eq!(daemon.end().0, Some(130));
+    world.driver.end();
+}
+
+/// Proves SR-23.
+#[test]
+fn a_cpu_that_is_not_there_keeps_an_enforcing_daemon_from_arming() {
+    let world = World::new();
+    let file = world.root.path().join("enforcing.toml");
+    let text = format!("extends = {:?}\n[daemon]\nrealtime = \"enforce\"\ncpu = 1023\n", world.file);
+    std::fs::write(&file, text).expect("own directory");
+    let file = file.to_str().expect("plain");
+    let mut daemon = world.command(&["run", file]);
+    let daemon = daemon.stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let mut daemon = Daemon(Some(daemon.expect("the program is built")));
+    world.until(|status| status["state"] == "idle");
+    let output = world.operator(&["arm", file]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("real-time scheduling is enforced"), "{said}");
+    assert_eq!(world.until(|_| true)["state"], "idle");
+    daemon.signal(Signal::TERM);
+    let (code, _, told) = daemon.end();
+    assert_eq!(code, Some(143), "{told}");
+    assert!(told.contains("CPU 1023"), "what is not granted is told: {told}");
+    world.driver.end();
+}
+
+/// Goal: with a CPU of its own, the loop is alone there among the daemon's threads.
+#[test]
+fn threads_beside_the_loop_keep_off_its_cpu() {
+    let cpus = rustix::thread::sched_getaffinity(None).expect("own mask");
+    if cpus.count() < 2 {
+        println!("skipped: one CPU");
+        return;
+    }
+    let cpu = (0..1024).rfind(|&cpu| cpus.is_set(cpu)).expect("some CPU");
+    let world = World::new();
+    let file = world.root.path().join("pinned.toml");
+    let text = format!("extends = {:?}\n[daemon]\ncpu = {cpu}\n", world.file);
+    std::fs::write(&file, text).expect("own directory");
+    let mut daemon = world.command(&["run", file.to_str().expect("plain")]);
+    let daemon = daemon.stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    let mut daemon = Daemon(Some(daemon.expect("the program is built")));
+    world.until(|status| status["state"] == "idle");
+    let threads = threads_of(Path::new(&format!("/proc/{}", daemon.child().id())));
+    assert!(threads.len() > 3, "{threads:?}");
+    for thread in &threads {
+        let is_alone = thread.name == "magsteer-loop";
+        let may_run_there = thread.cpus.split(',').any(|range| {
+            let (first, last) = range.split_once('-').unwrap_or((range, range));
+            (first.parse().unwrap_or(usize::MAX)..=last.parse().unwrap_or(0)).contains(&cpu)
+        });
+        assert_eq!(may_run_there, is_alone, "{thread}");
+    }
+    daemon.signal(Signal::TERM);
+    assert_eq!(daemon.end().0, Some(143));
     world.driver.end();
 }
 

@@ -7,6 +7,7 @@ use std::time::Duration;
 use clap::Args;
 use magsteer::config::{Config, Document};
 use magsteer::control::Cycle;
+use magsteer::daemon::kernel::leave_cpu;
 use magsteer::daemon::recorder::RecorderPlan;
 use magsteer::daemon::{
     CompanionPlan, DaemonConfig, LatencySummary, Mode, RunError, RunPlan, RunReport, StopFlag, config_digest,
@@ -87,6 +88,11 @@ impl Run {
             companion: files.companion(&endpoint)?,
             config_digest: config_digest(&document.resolved().sha256),
         };
+        // Threads hand this down: those that wait for signals, sweep, write files and record are all to come.
+        if let Some(refused) = daemon.cpu.and_then(leave_cpu).filter(|item| !item.granted) {
+            let why = refused.why_not.as_deref().unwrap_or_default();
+            output::note(format_args!("the loop's CPU is not left to it alone, but {}: {why}", refused.got));
+        }
         let stop = Arc::new(StopFlag::new());
         let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;
         match report {

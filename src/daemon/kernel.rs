@@ -94,12 +94,15 @@ pub fn request_ordinary(loop_cpu: Option<u32>) -> Vec<RealtimeItem> {
         set.err(),
         mend,
     )];
-    items.extend(loop_cpu.and_then(|cpu| leave_cpu(cpu as usize)));
+    items.extend(loop_cpu.and_then(leave_cpu));
     items
 }
 
-/// Takes the calling thread off a CPU; `None` when it does not run there, or has no other.
-fn leave_cpu(cpu: usize) -> Option<RealtimeItem> {
+/// Takes the calling thread, and every one that it starts from now on, off a CPU; `None` when it does not run there, or
+/// has no other. A thread of those may go back by asking for that CPU.
+#[must_use]
+pub fn leave_cpu(cpu: u32) -> Option<RealtimeItem> {
+    let cpu = cpu as usize;
     let mut wanted = sched_getaffinity(None).ok()?;
     if cpu >= CpuSet::MAX_CPU || !wanted.is_set(cpu) || wanted.count() < 2 {
         return None;

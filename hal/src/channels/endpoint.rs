@@ -44,8 +44,7 @@ impl Endpoint {
     /// When the name is not a rig's, or the directory cannot be made, is too long, belongs to somebody else or is open
     /// to others.
     pub fn new(rig: &str, root: Option<&Path>) -> Result<Self, ChannelError> {
-        let allowed = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
-        if rig.is_empty() || rig.len() > 40 || !rig.chars().all(allowed) {
+        if !is_rig_name(rig) {
             return Err(ChannelError::RigName { name: rig.to_owned() });
         }
         let named = root.map(Path::to_owned).or_else(|| {
@@ -129,6 +128,12 @@ pub(super) fn prefix(root: &Path) -> String {
 
 fn default_root() -> PathBuf {
     PathBuf::from(format!("{SEGMENTS}/magsteer-{}", rustix::process::getuid().as_raw()))
+}
+
+/// Whether a rig may be called so: 1 to 40 small letters, digits and dashes.
+pub(super) fn is_rig_name(name: &str) -> bool {
+    let allowed = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
+    (1..=40).contains(&name.len()) && name.chars().all(allowed)
 }
 
 /// Makes the directory where it is missing, and refuses one that is not this user's alone.

@@ -18,6 +18,9 @@ pub enum Role {
 }
 
 impl Role {
+    /// Every role.
+    pub(super) const ALL: [Self; 3] = [Self::Daemon, Self::Driver, Self::OperatorServer];
+
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Daemon => "daemon",

@@ -15,11 +15,11 @@ use std::time::Duration;
 use iceoryx2::node::NodeView;
 use iceoryx2::prelude::{CallbackProgression, Node, NodeState, ipc};
 
-use super::endpoint::{Endpoint, prefix};
-use super::error::ChannelError;
+use super::endpoint::{Endpoint, is_rig_name, prefix};
+use super::error::{ChannelError, Role};
 use super::lock::{is_named_by, living_holder};
 use super::membership::{ABANDONED_AGE, SEGMENTS, sweep};
-use super::private_root::{OWNER_LOCK, abandoned_roots, remove_abandoned};
+use super::private_root::{abandoned_roots, remove_abandoned};
 use super::service::transport;
 
 /// What was found under a root.
@@ -120,14 +120,24 @@ fn process_of(view: &impl NodeView) -> u32 {
     details.and_then(|details| u32::try_from(details.process_id().value()).ok()).unwrap_or(0)
 }
 
-/// Lock files of roles, in order of their names.
+/// Lock files of roles, in order of their names. A file of another name or content is somebody else's.
 fn lock_files(root: &Path) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(root) else { return Vec::new() };
+    let is_of_a_role = |path: &Path| {
+        let name =
+            path.file_name().and_then(|name| name.to_str()).and_then(|name| name.strip_suffix(".lock"));
+        let rig = |role: Role| name?.strip_suffix(&format!(".{role}"));
+        Role::ALL.into_iter().filter_map(rig).any(is_rig_name)
+    };
+    // Its holder may have died between making it and writing its number.
+    let is_a_number = |path: &Path| {
+        let text = fs::read_to_string(path).unwrap_or_default();
+        text.trim().is_empty() || text.trim().parse::<u32>().is_ok()
+    };
     let mut found: Vec<PathBuf> = entries
         .flatten()
-        .filter(|entry| entry.file_name() != OWNER_LOCK)
         .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "lock"))
+        .filter(|path| path.is_file() && is_of_a_role(path) && is_a_number(path))
         .collect();
     found.sort();
     found
@@ -176,6 +186,30 @@ mod tests {
         drop(driver);
         let after = Leftovers::find(&endpoint, HINT).expect("listed");
         assert_eq!((after.living, after.dead), (vec![], vec![]));
+    }
+
+    /// Goal: of a folder that is somebody's own, nothing goes but what a role left.
+    #[test]
+    fn files_that_no_role_made_stay() {
+        let root = PrivateRoot::create(HINT).expect("a root");
+        let endpoint = root.endpoint("rig").expect("a name");
+        let foreign = [
+            ("Cargo.lock", "4\n"),
+            ("poetry.lock", NOBODY),
+            ("a.daemon.lock.bak", NOBODY),
+            ("Some Rig.daemon.lock", NOBODY),
+            ("rig.judge.lock", NOBODY),
+            ("rig.daemon.lock", "[package]\n"),
+        ];
+        for (name, text) in foreign {
+            std::fs::write(root.path().join(name), text).expect("written");
+        }
+        assert_eq!(
+            Leftovers::find(&endpoint, HINT).expect("listed").stale_locks,
+            Vec::<std::path::PathBuf>::new()
+        );
+        assert!(Leftovers::clear(&endpoint, HINT).expect("listed").stale_locks.is_empty());
+        assert!(foreign.iter().all(|(name, _)| root.path().join(name).is_file()));
     }
 
     /// Goal: a lock is judged by who holds it, not by the number in it.

@@ -78,12 +78,23 @@ pub(super) fn holder(root: &Path, rig: &str, role: Role) -> Option<u32> {
     living_holder(&root.join(format!("{rig}.{role}.lock")))
 }
 
-/// The living process that a lock file names.
+/// The living process that a lock file names, as long as the file is locked: another process may have the number by now.
 pub(super) fn living_holder(path: &Path) -> Option<u32> {
     let text = std::fs::read_to_string(path).ok()?;
     let number: u32 = text.trim().parse().ok()?;
     let pid = rustix::process::Pid::from_raw(i32::try_from(number).ok()?)?;
-    rustix::process::test_kill_process(pid).is_ok().then_some(number)
+    let lives = rustix::process::test_kill_process(pid).is_ok();
+    (lives && is_locked(path).unwrap_or(true)).then_some(number)
+}
+
+/// Whether anybody holds the lock of a file, by the kernel's list; `None` where that cannot be read.
+fn is_locked(path: &Path) -> Option<bool> {
+    let file = path.metadata().ok()?;
+    let (major, minor) = (rustix::fs::major(file.dev()), rustix::fs::minor(file.dev()));
+    // "1: FLOCK  ADVISORY  WRITE 4711 fe:00:1234 0 EOF": process, then device and file.
+    let wanted = format!("{major:02x}:{minor:02x}:{}", file.ino());
+    let locks = std::fs::read_to_string("/proc/locks").ok()?;
+    Some(locks.lines().any(|lock| lock.split_ascii_whitespace().any(|word| word == wanted)))
 }
 
 #[cfg(test)]
@@ -110,6 +121,16 @@ mod tests {
         // No process has this number.
         std::fs::write(root.path().join("rig.driver.lock"), "2147483646").expect("written");
         assert_eq!(holder(root.path(), "rig", Role::Driver), None);
+    }
+
+    /// Goal: a number that another process has by now makes nobody a holder.
+    #[test]
+    fn a_lock_that_nobody_holds_has_no_holder_whatever_number_it_names() {
+        let root = tempfile::tempdir().expect("a directory");
+        std::fs::write(root.path().join("rig.driver.lock"), std::process::id().to_string()).expect("written");
+        assert_eq!(holder(root.path(), "rig", Role::Driver), None);
+        let _held = RoleLock::acquire(root.path(), "rig", Role::Driver).expect("free");
+        assert_eq!(holder(root.path(), "rig", Role::Driver), Some(std::process::id()));
     }
 
     #[test]

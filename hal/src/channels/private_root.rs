@@ -15,7 +15,7 @@ use super::error::ChannelError;
 use super::membership::{SEGMENTS, remove_all};
 
 /// Locked by the owner as long as it lives.
-pub(super) const OWNER_LOCK: &str = "owner.lock";
+const OWNER_LOCK: &str = "owner.lock";
 /// Names to try: each fails only when another owner took it, or swept it away before it was locked.
 const ATTEMPTS_MAX: u32 = 100;
 

@@ -25,8 +25,8 @@ const DEMONSTRATIONS: &str = "magsteer-demo";
 
 /// Tell whether this machine is fit for a control loop, and what mends it.
 ///
-/// Looks at kernel, CPUs, rights, memory and channels, and measures wake-ups at the configured rate. Changes
-/// nothing but what `--clean` clears away. Ends with 0, or with 1 when a line says FAIL.
+/// Looks at kernel, CPUs, rights, memory and channels, and measures wake-ups at the configured rate. Makes
+/// the root directory where it is missing; changes nothing else but what `--clean` clears away. Ends with 0, or with 1 when a line says FAIL.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  magsteer doctor config/bigmag-planar.toml\n  magsteer doctor --seconds 60 --json\n  \

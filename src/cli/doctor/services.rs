@@ -51,7 +51,7 @@ pub fn cleared(cleared: &Cleared) -> Finding {
     Finding::warn(
         CHECK,
         format!("{found}; not: {}", cleared.failed.join("; ")),
-        "sudo magsteer doctor --clean   # with the same --root",
+        "magsteer doctor --clean   # once more, with the same --root: another process may have been clearing up",
     )
 }
 

@@ -68,8 +68,9 @@ pub struct Soak {
     /// Threads of ordinary priority that keep the machine busy meanwhile.
     #[arg(long, value_name = "N", default_value_t = 0)]
     load: u32,
-    /// What must not be: METRIC COMPARISON NUMBER, between commas. Checked each minute, times over that
-    /// minute and counts since the begin; and at the end, times over the whole run.
+    /// What must not be: METRIC COMPARISON NUMBER, between commas. Counts, since the begin, are
+    /// checked all the time; times each minute over the daemon's last whole one, and at the end over the whole of the
+    /// daemon's run: with `--attach` also over what came before.
     #[arg(long, value_name = "LIST")]
     fail_on: Option<Thresholds>,
     /// Folder for this soak's files; a dated one below `runs` when left out.

@@ -24,6 +24,8 @@ const POLL: Duration = Duration::from_millis(10);
 /// How often the line on the terminal is drawn anew.
 const REDRAW: Duration = Duration::from_millis(500);
 const MINUTE: Duration = Duration::from_secs(60);
+/// How often counts are judged: what broke a threshold is among the seconds that are saved.
+const COUNTS_EVERY: Duration = Duration::from_millis(500);
 /// The recorder goes on for half a second, then writes some megabytes.
 const SAVE_WAIT: Duration = Duration::from_secs(15);
 
@@ -72,6 +74,7 @@ pub fn run(
     let mut minutes: Vec<Measures> = Vec::new();
     let mut line = LiveLine::new();
     let mut judged = Vec::new();
+    let mut counted = Instant::now();
     let ended = loop {
         steering.poll()?;
         check()?;
@@ -88,6 +91,14 @@ pub fn run(
             judged = plan.thresholds.judge(&measures);
             minutes.push(measures);
             if judged.iter().any(|threshold| !threshold.held) {
+                break None;
+            }
+        }
+        if counted.elapsed() >= COUNTS_EVERY {
+            counted = Instant::now();
+            let measures = watch.now(steering);
+            if plan.thresholds.is_exceeded_by_counts(&measures) {
+                judged = plan.thresholds.judge(&measures);
                 break None;
             }
         }

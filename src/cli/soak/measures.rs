@@ -8,6 +8,19 @@ use std::collections::BTreeMap;
 use magsteer::daemon::LatencySummary;
 use serde::Serialize;
 
+/// Metrics that count from the soak's begin, and so never fall.
+pub const COUNTS: [&str; 9] = [
+    "cycles",
+    "missed",
+    "alloc_in_cycle",
+    "page_faults",
+    "preemptions",
+    "records_dropped",
+    "settled",
+    "unsettled",
+    "trips",
+];
+
 /// One line of `soak.jsonl`. What is not known is null.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Measures {
@@ -106,7 +119,7 @@ fn clock(seconds: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{LatencySummary, Measures, clock};
+    use super::{COUNTS, LatencySummary, Measures, clock};
 
     #[test]
     fn every_metric_has_a_name_of_its_own_and_the_value_that_the_line_has() {
@@ -122,6 +135,7 @@ mod tests {
         assert_eq!(value("lateness_max_us"), Some(5.0));
         assert_eq!((value("unsettled"), value("rss_mb")), (Some(7.0), Some(8.5)));
         assert_eq!(value("page_faults"), None);
+        assert!(COUNTS.iter().all(|count| names.contains(&&(*count).to_owned())), "{names:?}");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use serde::Serialize;
 
-use super::measures::Measures;
+use super::measures::{COUNTS, Measures};
 
 /// Why a list of thresholds is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -74,6 +74,22 @@ impl Thresholds {
             Judged { threshold: threshold.to_string(), value, held }
         };
         self.0.iter().map(judge).collect()
+    }
+}
+
+impl Thresholds {
+    /// Whether a count is beyond its limit. Counts only rise: unlike times and shares, which are of a minute or of the
+    /// whole, they are not to be waited for.
+    pub fn is_exceeded_by_counts(&self, measures: &Measures) -> bool {
+        let values = measures.values();
+        let count = |name: &str| {
+            let found = values.iter().find(|(known, _)| known == name && COUNTS.contains(&name));
+            found.and_then(|(_, value)| *value)
+        };
+        self.0.iter().any(|threshold| {
+            let rises_into_it = matches!(threshold.comparison, Comparison::Above | Comparison::AtLeast);
+            rises_into_it && count(&threshold.metric).is_some_and(|value| threshold.is_broken_by(value))
+        })
     }
 }
 
