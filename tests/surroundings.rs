@@ -1,6 +1,6 @@
 //! What surrounds the processes goes away while coils carry current: the terminal, whoever read their output, memory.
 //!
-//! Full disks are in `recorder_process.rs`, kills and stops in `kill.rs`, clocks that are stepped in `no_wall_clock.rs`.
+//! Folders that cannot be written are in `recorder_process.rs`, kills and stops in `kill.rs`, clocks that are stepped in `no_wall_clock.rs`.
 //! No test judges how long anything took; each waits for a state, bounded only so that a failure ends.
 
 #![cfg(feature = "sim")]
@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
-use magsteer_hal::operator::{Cause, state};
-use process_support::{PATIENCE, World, current, until};
+use magsteer_hal::operator::{Cause, recorder, state};
+use process_support::{PATIENCE, Process, World, current, until};
 use rustix::fs::{Mode, OFlags};
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -175,6 +175,55 @@ fn who_steers_does_not_mind_that_nobody_takes_its_output() {
         plant.signal(Signal::TERM);
         assert_eq!(plant.wait().code(), Some(143), "{what:?}");
     }
+}
+
+/// A file system of so many bytes, until this goes.
+struct SmallDisk(PathBuf);
+
+impl SmallDisk {
+    /// `None` where this process may not mount one: it takes root.
+    fn mount(at: PathBuf, bytes: u32) -> Option<Self> {
+        std::fs::create_dir(&at).expect("own directory");
+        let options = format!("size={bytes},mode=700");
+        let mut mount = Command::new("mount");
+        let mount =
+            mount.args(["-t", "tmpfs", "-o", &options, "magsteer-test"]).arg(&at).stderr(Stdio::null());
+        mount.status().is_ok_and(|status| status.success()).then_some(Self(at))
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        // The daemon has ended, and nobody else knows of it.
+        let _ = Command::new("umount").arg(&self.0).status();
+    }
+}
+
+/// Goal: flights, journal and recording meet a disk that is full; the loop goes on, the status warns, and the recorder
+/// says what it lost.
+#[test]
+fn a_full_disk_stops_the_recording_and_not_the_loop() {
+    let world = World::new();
+    let Some(disk) = SmallDisk::mount(world.root.path().join("disk"), 1 << 20) else {
+        println!("skipped: no file system may be mounted here");
+        return;
+    };
+    let _plant = world.plant();
+    let log = world.root.path().join("daemon.log");
+    let run = disk.0.join("run");
+    let mut daemon = Command::new(env!("CARGO_BIN_EXE_magsteer"));
+    daemon.args(["run", "--json", "--wait-s", "30", "--record"]).arg(&run);
+    daemon.arg("--root").arg(world.root.path()).arg(&world.file);
+    let daemon = Process::spawn(&mut daemon, log);
+    let mut operator = world.operator();
+    let begun = operator.steer().cycle;
+    let warned =
+        operator.until(|status| status.recorder == recorder::FAILING && status.cycle > begun + 3_000);
+    assert_eq!((warned.state, warned.loop_allocations), (state::ACTIVE, 0), "{warned:?}");
+    daemon.signal(Signal::TERM);
+    let end = daemon.wait();
+    assert_eq!(end.report["state"], "idle", "{}", end.said);
+    assert!(end.said.contains("o space left"), "{}", end.said);
 }
 
 /// A group of processes that may have so much memory together; gone with this.
