@@ -1,0 +1,370 @@
+#!/usr/bin/env python3
+"""A rig watched and recorded from another machine, on one machine: what passes, what does not, and what it costs the loop.
+
+    sudo tests/scripts/two_machines.py --magsteer target/release/magsteer --config config/bigmag-planar.toml
+
+Makes two machines of namespaces, joined by a cable: each has its own network, its own /dev/shm, and its own monotonic
+clock, so that nothing but what passes the tunnel is shared. Needs root, and iox2-link-tunnel-zenoh on PATH or named with
+--program. Prints a line a claim and a table of the loop's timing; ends with 1 when a claim does not hold. No claim is
+about time: on a machine that stops processes the table says what it says.
+"""
+
+import argparse
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+PORT = 7447
+ADDRESS = {"rig": "10.213.77.1", "desk": "10.213.77.2"}
+# The desk was started this long before the rig, s: its clock stands elsewhere.
+CLOCK = {"rig": 0, "desk": 250_000}
+
+
+class Machine:
+    """A set of namespaces, and what runs in it."""
+
+    def __init__(self, name, folder):
+        self.name, self.folder = name, folder
+        self.net = f"magsteer-{name}-{os.getpid()}"
+        self.children = []
+        subprocess.run(["ip", "netns", "add", self.net], check=True)
+        # The root in shared memory is the one that nobody has to name: that of this user.
+        shell = "mount -t tmpfs -o size=512m tmpfs /dev/shm && echo $$ && exec sleep infinity"
+        command = ["ip", "netns", "exec", self.net, "unshare", "--mount", "--time", "--monotonic", str(CLOCK[name]),
+                   "--fork", "--kill-child", "sh", "-c", shell]
+        self.holder = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.pid = int(self.holder.stdout.readline())
+
+    def inside(self, *command):
+        return ["nsenter", "-t", str(self.pid), "-m", "-n", "-T", *command]
+
+    def start(self, *command, log, **options):
+        file = open(os.path.join(self.folder, f"{self.name}-{log}.log"), "a")
+        child = subprocess.Popen(self.inside(*command), stdout=options.pop("stdout", file), stderr=file, **options)
+        self.children.append(child)
+        return child
+
+    def run(self, *command, timeout=60):
+        return subprocess.run(self.inside(*command), capture_output=True, text=True, timeout=timeout)
+
+    def log(self, log):
+        with open(os.path.join(self.folder, f"{self.name}-{log}.log")) as file:
+            return file.read()
+
+    def memory(self):
+        return self.run("stat", "-c", "%d", "/dev/shm").stdout.strip()
+
+    def clock(self):
+        return float(self.run(sys.executable, "-c", "import time; print(time.monotonic())").stdout)
+
+    def end(self):
+        for child in reversed(self.children):
+            end(child)
+        self.holder.kill()
+        self.holder.wait()
+        subprocess.run(["ip", "netns", "del", self.net], check=False)
+
+
+def end(child, number=signal.SIGTERM):
+    if child.poll() is None:
+        child.send_signal(number)
+        try:
+            child.wait(20)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+    return child.returncode
+
+
+class Trial:
+    """The rig, the desk, and the claims so far."""
+
+    def __init__(self, arguments, folder):
+        self.magsteer = os.path.abspath(arguments.magsteer)
+        self.config = os.path.abspath(arguments.config)
+        self.program = os.path.abspath(arguments.program or shutil.which("iox2-link-tunnel-zenoh"))
+        self.folder, self.failed, self.machines = folder, 0, []
+        for name in ADDRESS:
+            self.machines.append(Machine(name, folder))
+        self.rig, self.desk = self.machines
+        self.cable()
+
+    def cable(self):
+        ends = {self.rig: f"mgr{os.getpid()}", self.desk: f"mgd{os.getpid()}"}
+        first, second = ends.values()
+        subprocess.run(["ip", "link", "add", first, "type", "veth", "peer", "name", second], check=True)
+        for machine, link in ends.items():
+            subprocess.run(["ip", "link", "set", link, "netns", machine.net], check=True)
+            for words in (["addr", "add", f"{ADDRESS[machine.name]}/30", "dev", link], ["link", "set", link, "up"],
+                          ["link", "set", "lo", "up"]):
+                subprocess.run(["ip", "-n", machine.net, *words], check=True)
+
+    def claim(self, text, holds, detail=""):
+        self.failed += not holds
+        print(f"{'PASS' if holds else 'FAIL'}  {text}{': ' if detail else ''}{detail}", flush=True)
+
+    def share(self):
+        return self.rig.start(self.magsteer, "tunnel", "share", self.config, "--program", self.program, "--listen",
+                              f"{ADDRESS['rig']}:{PORT}", log="share")
+
+    def watch(self):
+        return self.desk.start(self.magsteer, "tunnel", "watch", self.config, "--program", self.program, "--connect",
+                               f"{ADDRESS['rig']}:{PORT}", log="watch")
+
+    def status(self, machine):
+        shown = machine.run(self.magsteer, "status", self.config, "--json")
+        return json.loads(shown.stdout) if shown.returncode == 0 else {"error": shown.stderr, "code": shown.returncode}
+
+    def heard(self, patience_s=20):
+        """Seconds until the desk hears the rig; none when it does not."""
+        begin = time.monotonic()
+        while time.monotonic() - begin < patience_s:
+            if "cycle" in self.status(self.desk):
+                return time.monotonic() - begin
+            time.sleep(0.1)
+        return None
+
+    def ask(self, machine, *words):
+        return machine.run(self.magsteer, *words, "--config", self.config)
+
+    def steer(self):
+        for request in (["reset"], ["arm"], ["target", "set", "m1=75deg", "m2=105deg"], ["go"]):
+            for _ in range(30):
+                if self.ask(self.rig, *request).returncode == 0 or request == ["reset"]:
+                    break
+                time.sleep(0.2)
+
+    def begin(self):
+        self.rig.start(self.magsteer, "sim-plant", self.config, log="plant")
+        # A machine that stops processes must not end the steering halfway: monitors tell, but do not act.
+        self.daemon = self.rig.start(self.magsteer, "run", self.config, "--passive", "--record",
+                                     os.path.join(self.folder, "whole"), "--json", log="daemon")
+        while "cycle" not in self.status(self.rig):
+            if self.daemon.poll() is not None:
+                raise SystemExit(self.rig.log("daemon"))
+            time.sleep(0.2)
+        self.steer()
+
+    def record_at_desk(self, name):
+        return self.desk.start(self.magsteer, "record", self.config, "--out", os.path.join(self.folder, name), "--json",
+                               log=name, stdout=subprocess.PIPE, text=True)
+
+    def table(self, name):
+        """Cycles of a recording by their numbers, as text."""
+        run = os.path.join(self.folder, name)
+        subprocess.run([self.magsteer, "runs", "export", run, "--format", "csv"], check=True, capture_output=True)
+        with open(os.path.join(run, "cycles.csv")) as file:
+            return {int(row["number"]): row for row in csv.DictReader(file)}
+
+
+def alone(trial):
+    """Before there is a tunnel, and how the two machines differ."""
+    before = trial.status(trial.desk)
+    trial.claim("without a tunnel the desk has no rig", before.get("code") == 69, before.get("error", "").strip()[:90])
+    offset = trial.desk.clock() - trial.rig.clock()
+    trial.claim("the two clocks stand apart", abs(offset) > 1_000, f"{offset:.0f} s")
+    there, here = trial.rig.memory(), trial.desk.memory()
+    trial.claim("the desk's shared memory is its own", there != here, f"device {there} there, {here} here")
+
+
+def look(trial, seconds):
+    """Watching and recording."""
+    waited = trial.heard()
+    trial.claim("the desk hears the rig", waited is not None, f"after {waited or 0:.1f} s")
+    there, here = trial.status(trial.rig), trial.status(trial.desk)
+    same = all(there.get(key) == here.get(key) for key in ("state", "targets_deg", "rate_hz", "safe_action"))
+    trial.claim("status says there what it says here", same and here["cycle"] >= there["cycle"] > 0,
+                f"cycle {there.get('cycle')} there, then {here.get('cycle')} here; {here.get('state')}")
+    trial.claim("and that the rig is distant", here.get("distant") is True and there.get("distant") is False)
+    text = trial.desk.run(trial.magsteer, "status", trial.config).stdout
+    trial.claim("in words too", "DISTANT" in text, next((x for x in text.splitlines() if "DISTANT" in x), ""))
+    recorder = trial.record_at_desk("desk")
+    time.sleep(seconds)
+    recorder.send_signal(signal.SIGINT)
+    report = json.loads(recorder.communicate(timeout=30)[0])
+    trial.claim("the desk records every cycle", report["lost"] == 0 and report["cycles"] > 10,
+                f"{report['cycles']} cycles in {seconds} s, {report['lost']} lost")
+
+
+def refuse(trial):
+    """Commands from the desk."""
+    before = trial.status(trial.rig)
+    for words in (["arm"], ["go"], ["hold"], ["stop"], ["reset"], ["estop"], ["target", "set", "m1=60deg", "m2=90deg"]):
+        asked = trial.ask(trial.desk, *words)
+        trial.claim(f"`{' '.join(words[:2])}` is refused at the desk", asked.returncode == 1 and
+                    "only watches" in asked.stderr, asked.stderr.strip())
+    after = trial.status(trial.rig)
+    trial.claim("the rig goes on as before", before["state"] == after["state"] == "active"
+                and before["targets_deg"] == after["targets_deg"], f"{after['state']}, {after['targets_deg']} deg")
+
+
+def intrude(trial):
+    """A desk that keeps to no rule: another rig of the same name, all of it offered by a tunnel without rules or names."""
+    root = os.path.join(trial.folder, "intruder")
+    options = ["--root", root]
+    plant = trial.desk.start(trial.magsteer, "sim-plant", trial.config, *options, log="intruder")
+    false = trial.desk.start(trial.magsteer, "run", trial.config, "--passive", *options, log="intruder")
+    time.sleep(3)
+    with open(os.path.join(watch_folder(trial.desk), "zenoh.json5")) as file:
+        network = json.load(file)
+    network["access_control"] = {"enabled": False}
+    # The tunnel's files of a sharing machine, on the desk: they name the intruder's root.
+    share = trial.desk.start(trial.magsteer, "tunnel", "share", trial.config, "--program", trial.program, *options,
+                             log="intruder")
+    time.sleep(1)
+    folder = os.path.join(trial.folder, "lawless")
+    shutil.copytree(os.path.join(root, "bigmag-planar.tunnel"), folder)
+    end(share)
+    with open(os.path.join(folder, "zenoh.json5"), "w") as file:
+        json.dump(network, file)
+    services = trial.rig.run("find", "/dev/shm/magsteer-0", "-name", "*.service").stdout.split()
+    lawless = trial.desk.start(trial.program, "--zenoh-config", "zenoh.json5", "--poll", "20", log="lawless", cwd=folder)
+    time.sleep(4)
+    cycles = []
+    for _ in range(30):
+        cycles.append(trial.status(trial.rig).get("cycle", -1))
+    trial.claim("an intruder's status does not reach the rig", lawless.poll() is None and cycles == sorted(cycles)
+                and cycles[0] > 0, f"{len(cycles)} looks, cycle {cycles[0]} to {cycles[-1]}")
+    found = trial.rig.run("find", "/dev/shm/magsteer-0", "-name", "*.service").stdout.split()
+    trial.claim("nor do its services", set(found) == set(services) and len(services) > 0, f"{len(found)} as before")
+    state = trial.status(trial.rig)
+    trial.claim("nor its commands", state["state"] == "active", state["state"])
+    for child in (lawless, false, plant):
+        end(child)
+
+
+def watch_folder(machine):
+    return f"/proc/{machine.pid}/root/dev/shm/magsteer-0/bigmag-planar.tunnel"
+
+
+def kill(trial, share):
+    """The tunnel is killed, and comes back."""
+    missed = trial.status(trial.rig)["missed"]
+    with open(os.path.join(watch_folder(trial.rig), "pid")) as file:
+        os.kill(int(file.read()), signal.SIGKILL)
+    share.send_signal(signal.SIGKILL)
+    share.wait()
+    begin = trial.status(trial.rig)
+    time.sleep(4)
+    after = trial.status(trial.rig)
+    trial.claim("the loop goes on when the tunnel is killed", after["state"] == "active" and
+                after["cycle"] > begin["cycle"] + 100, f"{after['state']}, {after['missed'] - missed} periods missed")
+    gone = trial.status(trial.desk)
+    trial.claim("the desk says that it is deaf", gone.get("code") == 69, gone.get("error", "").strip()[:90])
+    share = trial.share()
+    waited = trial.heard()
+    trial.claim("a new one is found by itself", waited is not None, f"after {waited or 0:.1f} s")
+    return share
+
+
+def measure(trial, pairs, seconds):
+    """Turn by turn with tunnel, status and recorder at the desk, and without; windows of cycles."""
+    windows = []
+    for turn in range(2 * pairs):
+        with_tunnel = turn % 2 == 1
+        started = []
+        if with_tunnel:
+            started = [trial.share(), trial.watch()]
+            if trial.heard() is None:
+                raise SystemExit("the desk does not hear the rig")
+            started.append(trial.desk.start(trial.magsteer, "status", trial.config, "--watch", log="status"))
+            started.append(trial.record_at_desk(f"desk-{turn}"))
+        time.sleep(3)
+        begin = trial.status(trial.rig)["cycle"]
+        time.sleep(seconds)
+        windows.append((with_tunnel, begin, trial.status(trial.rig)["cycle"], os.getloadavg()[0]))
+        for child in reversed(started):
+            end(child, signal.SIGINT)
+        time.sleep(1)
+    return windows
+
+
+def quantile(values, fraction):
+    return sorted(values)[min(len(values) - 1, int(fraction * len(values)))] * 1e-3
+
+
+def tell(cycles, windows):
+    print("\ntunnel  cycles  lateness p50    p99  p99.9 us   execution p50    p99  p99.9 us   missed   load")
+    sums = {False: ([], []), True: ([], [])}
+
+    def line(name, late, work, missed, load):
+        print(f"{name:7} {len(late):6} {quantile(late, .5):13.1f} {quantile(late, .99):6.1f} {quantile(late, .999):6.1f}"
+              f" {quantile(work, .5):18.1f} {quantile(work, .99):6.1f} {quantile(work, .999):6.1f} {missed:11} {load:>6}")
+
+    for with_tunnel, begin, until, load in windows:
+        rows = [row for number, row in cycles.items() if begin <= number < until]
+        late, work = ([int(row[key]) for row in rows] for key in ("lateness_ns", "execution_ns"))
+        sums[with_tunnel][0].extend(late)
+        sums[with_tunnel][1].extend(work)
+        line("yes" if with_tunnel else "no", late, work, until - begin - len(rows), f"{load:.1f}")
+    for with_tunnel, (late, work) in sums.items():
+        line("all yes" if with_tunnel else "all no", late, work, "", "")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--magsteer", required=True)
+    parser.add_argument("--config", required=True)
+    parser.add_argument("--program", help="iox2-link-tunnel-zenoh; the one on PATH when left out")
+    parser.add_argument("--pairs", type=int, default=4, help="windows with and without the tunnel")
+    parser.add_argument("--logs", help="folder in which to keep what the processes said")
+    parser.add_argument("--seconds", type=int, default=20, help="length of a window and of the first recording")
+    arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    if os.geteuid() != 0 or not (arguments.program or shutil.which("iox2-link-tunnel-zenoh")):
+        print("needs root, and iox2-link-tunnel-zenoh on PATH or --program", file=sys.stderr)
+        return 69
+    # Below the limit of a root's length.
+    with tempfile.TemporaryDirectory(prefix="mt", dir="/tmp") as folder:
+        trial = None
+        try:
+            trial = Trial(arguments, folder)
+            return carry_out(trial, arguments)
+        finally:
+            if trial:
+                for machine in reversed(trial.machines):
+                    machine.end()
+            if arguments.logs:
+                os.makedirs(arguments.logs, exist_ok=True)
+                for name in filter(lambda name: name.endswith(".log"), os.listdir(folder)):
+                    shutil.copy(os.path.join(folder, name), arguments.logs)
+
+
+def carry_out(trial, arguments):
+    trial.begin()
+    alone(trial)
+    share, watch = trial.share(), trial.watch()
+    look(trial, arguments.seconds)
+    refuse(trial)
+    intrude(trial)
+    share = kill(trial, share)
+    end(watch), end(share)
+    windows = measure(trial, arguments.pairs, arguments.seconds)
+    share, watch = trial.share(), trial.watch()
+    trial.claim("the desk hears the rig again", trial.heard() is not None)
+    last = trial.record_at_desk("last")
+    time.sleep(3)
+    end(trial.daemon)
+    report = json.loads(last.communicate(timeout=30)[0])
+    trial.claim("the desk records the loop's end", report["ended"] == "loop-ended" and report["lost"] == 0,
+                f"{report['cycles']} cycles, {report['lost']} lost, {report['ended']}")
+    whole = trial.table("whole")
+    for name in ["desk", *(f"desk-{turn}" for turn in range(1, 2 * arguments.pairs, 2)), "last"]:
+        part = trial.table(name)
+        first, until = min(part), max(part)
+        expected = {number: row for number, row in whole.items() if first <= number <= until}
+        trial.claim(f"what the desk recorded ({name}) is what the rig recorded", part == expected,
+                    f"{len(part)} of {len(expected)} cycles, {sum(part[n] != expected.get(n) for n in part)} differ")
+    end(watch), end(share)
+    tell(whole, windows)
+    return 1 if trial.failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
