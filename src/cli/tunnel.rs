@@ -1,6 +1,6 @@
 //! `magsteer tunnel`: a rig watched from another machine.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -95,48 +95,52 @@ impl Tunnel {
 impl Share {
     fn run(&self) -> anyhow::Result<Exit> {
         let (endpoint, program) = self.common.found()?;
-        let _end = SharedEnd::open(&endpoint).map_err(channel_failure)?;
         let side = Side::Share { listen: self.listen.clone() };
-        let (listen, rig) = (&self.listen, endpoint.rig());
-        let told = || {
+        run(&endpoint, &program, side, || {
+            let end = SharedEnd::open(&endpoint).map_err(channel_failure)?;
+            let (listen, rig) = (&self.listen, endpoint.rig());
             output::note(format_args!(
                 "sharing rig {rig} at {listen}: its status and every cycle; no commands"
             ));
             if !listen.is_loopback() {
                 output::note("nothing is encrypted there, and whoever reaches it can watch");
             }
-        };
-        run(&endpoint, &program, side, told, || ())
+            // Held for as long as the tunnel runs.
+            Ok(move || _ = &end)
+        })
     }
 }
 
 impl Watch {
     fn run(&self) -> anyhow::Result<Exit> {
         let (endpoint, program) = self.common.found()?;
-        let mut end = WatchedEnd::create(&endpoint).map_err(channel_failure)?;
         let side = Side::Watch { connect: self.connect.clone() };
-        let (connect, rig) = (&self.connect, endpoint.rig());
-        let mut heard = Heard { since: Instant::now(), sequence: None, is_told: None };
-        let told =
-            || output::note(format_args!("watching rig {rig} at {connect}; commands are refused here"));
-        run(&endpoint, &program, side, told, || {
-            let status = end.newest_status(Stamp::now());
-            while let Some(request) = end.next_request() {
-                let state = status.map_or(state::BOOT, |status| status.state);
-                let cause = Cause::OnlyWatched.code();
-                // Whoever asked may be gone by now; then nothing is lost.
-                let _ = request.answer(OperatorAnswer { cause, state, ..OperatorAnswer::default() });
-            }
-            let sequence = status.map(|status| (status.header.epoch, status.header.sequence));
-            match heard.take(sequence) {
-                Some(true) => output::note("the rig is heard"),
-                Some(false) => output::note(format_args!(
-                    "nothing is heard of the rig: is its daemon running, and `magsteer tunnel share` there, by the \
-                    same version of magsteer?"
-                )),
-                None => {}
-            }
+        run(&endpoint, &program, side, || {
+            let mut end = WatchedEnd::create(&endpoint).map_err(channel_failure)?;
+            let (connect, rig) = (&self.connect, endpoint.rig());
+            output::note(format_args!("watching rig {rig} at {connect}; commands are refused here"));
+            let mut heard = Heard { since: Instant::now(), sequence: None, is_told: None };
+            Ok(move || serve(&mut end, &mut heard))
         })
+    }
+}
+
+/// Refuses what is asked for on a watching machine, and says whether the rig is heard.
+fn serve(end: &mut WatchedEnd, heard: &mut Heard) {
+    let status = end.newest_status(Stamp::now());
+    while let Some(request) = end.next_request() {
+        let state = status.map_or(state::BOOT, |status| status.state);
+        let cause = Cause::OnlyWatched.code();
+        // Whoever asked may be gone by now; then nothing is lost.
+        let _ = request.answer(OperatorAnswer { cause, state, ..OperatorAnswer::default() });
+    }
+    match heard.take(status.map(|status| (status.header.epoch, status.header.sequence))) {
+        Some(true) => output::note("the rig is heard"),
+        Some(false) => output::note(
+            "nothing is heard of the rig: is its daemon running, and `magsteer tunnel share` there, by the same \
+            version of magsteer?",
+        ),
+        None => {}
     }
 }
 
@@ -172,35 +176,32 @@ impl Common {
     }
 }
 
-/// Runs the tunnel until told to end, and `look` again and again meanwhile.
-fn run(
+/// Takes this machine's place on the channels, runs the tunnel until told to end, and looks again and again meanwhile.
+fn run<L: FnMut()>(
     endpoint: &Endpoint,
-    program: &std::path::Path,
+    program: &Path,
     side: Side,
-    told: impl FnOnce(),
-    mut look: impl FnMut(),
+    begin: impl FnOnce() -> anyhow::Result<L>,
 ) -> anyhow::Result<Exit> {
     let facts = TunnelFacts::of(endpoint).map_err(channel_failure)?;
     let plan = TunnelPlan { rig: endpoint.rig().to_owned(), side, facts };
     let stop = Arc::new(StopFlag::new());
-    watching(
-        &stop,
-        false,
-        || (),
-        || {
-            let mut tunnel = Running::start(program, &plan, endpoint).map_err(failure)?;
-            told();
-            while stop.requested().is_none() {
-                if let Some(status) = tunnel.ended() {
-                    let message = anyhow!("the tunnel ended by itself, with {status}");
-                    return Err(Failure::with(Exit::Unavailable, message));
-                }
-                look();
-                std::thread::sleep(POLL);
+    let work = || {
+        // In place before the tunnel looks for the topics, and until it has ended.
+        let mut look = begin()?;
+        let mut tunnel = Running::start(program, &plan, endpoint).map_err(failure)?;
+        while stop.requested().is_none() {
+            if let Some(status) = tunnel.ended() {
+                let message = anyhow!("the tunnel ended by itself, with {status}");
+                return Err(Failure::with(Exit::Unavailable, message));
             }
-            Ok(exit_of(&stop))
-        },
-    )?
+            look();
+            std::thread::sleep(POLL);
+        }
+        Ok(exit_of(&stop))
+    };
+    // Signals are blocked before any thread starts, those of the channels included.
+    watching(&stop, false, || (), work)?
 }
 
 /// A tunnel that is not there, with its exit code.

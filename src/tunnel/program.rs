@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 use magsteer_hal::channels::Endpoint;
 use rustix::process::{Pid, Signal, kill_process};
 
+use crate::daemon::kernel::Signals;
+
 use super::plan::{NETWORK_FILE, TRANSPORT_FILE, TunnelPlan};
 
 /// Name of the tunnel's program.
@@ -107,7 +109,8 @@ impl Tunnel {
         let failed = |source| TunnelError::Files { path: folder.clone(), source };
         end_left_behind(&folder);
         write_files(&folder, plan).map_err(failed)?;
-        let child = Command::new(program)
+        let mut command = Command::new(program);
+        command
             .args(plan.arguments())
             .current_dir(&folder)
             .env(LOG_VARIABLE, std::env::var_os(LOG_VARIABLE).unwrap_or_else(|| LOG_LEVEL.into()))
@@ -115,8 +118,9 @@ impl Tunnel {
             // Results go to standard output, and it has none.
             .stdout(io::stderr())
             // A terminal's Ctrl-C is for the command that runs it.
-            .process_group(0)
-            .spawn()
+            .process_group(0);
+        let child = Signals::let_through(|| command.spawn())
+            .flatten()
             .map_err(|source| TunnelError::Start { program: program.to_owned(), source })?;
         let tunnel = Self { child, folder: folder.clone() };
         fs::write(folder.join(PID_FILE), tunnel.pid().to_string()).map_err(failed)?;
@@ -197,7 +201,8 @@ mod tests {
         let path = folder.join(PROGRAM);
         let text = format!(
             "#!/bin/sh\n[ \"$1\" = --version ] && echo 'tunnel {version}' && exit\n\
-            echo \"$@\" > arguments.new && mv arguments.new arguments\nexec sleep 60\n"
+            trap 'echo > ../rig.asked; exit' TERM\n\
+            echo \"$@\" > arguments.new && mv arguments.new arguments\nwhile :; do sleep 0.01; done\n"
         );
         fs::write(&path, text).expect("written");
         fs::set_permissions(&path, Permissions::from_mode(0o700)).expect("own file");
@@ -265,7 +270,11 @@ mod tests {
         let process = PathBuf::from(format!("/proc/{}", second.pid()));
         awaited(|| folder.join("arguments").exists().then_some(()));
         assert!(process.exists());
+        // Both end as they are asked to: one that is killed could not say so.
+        let asked = folder.with_extension("asked");
+        fs::remove_file(&asked).expect("the first was asked");
         drop(second);
         assert!(!process.exists() && !folder.exists());
+        assert!(asked.exists());
     }
 }

@@ -42,11 +42,11 @@ class Machine:
         self.pid = int(self.holder.stdout.readline())
 
     def inside(self, *command):
-        return ["nsenter", "-t", str(self.pid), "-m", "-n", "-T", *command]
+        return ["nsenter", "-t", str(self.pid), "-m", "-n", "-T", f"--wd={self.folder}", *command]
 
     def start(self, *command, log, **options):
-        file = open(os.path.join(self.folder, f"{self.name}-{log}.log"), "a")
-        child = subprocess.Popen(self.inside(*command), stdout=options.pop("stdout", file), stderr=file, **options)
+        with open(os.path.join(self.folder, f"{self.name}-{log}.log"), "a") as file:
+            child = subprocess.Popen(self.inside(*command), stdout=options.pop("stdout", file), stderr=file, **options)
         self.children.append(child)
         return child
 
@@ -224,7 +224,8 @@ def intrude(trial):
     with open(os.path.join(folder, "zenoh.json5"), "w") as file:
         json.dump(network, file)
     services = trial.rig.run("find", "/dev/shm/magsteer-0", "-name", "*.service").stdout.split()
-    lawless = trial.desk.start(trial.program, "--zenoh-config", "zenoh.json5", "--poll", "20", log="lawless", cwd=folder)
+    lawless = trial.desk.start("sh", "-c", f"cd {folder} && exec {trial.program} --zenoh-config zenoh.json5 --poll 20",
+                               log="lawless")
     time.sleep(4)
     cycles = []
     for _ in range(30):
