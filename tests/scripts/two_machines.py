@@ -117,8 +117,11 @@ class Trial:
         return self.desk.start(self.magsteer, "tunnel", "watch", self.config, "--program", self.program, "--connect",
                                f"{ADDRESS['rig']}:{PORT}", log="watch")
 
-    def status(self, machine):
-        shown = machine.run(self.magsteer, "status", self.config, "--json")
+    def services(self):
+        return sorted(self.rig.run("find", "/dev/shm/magsteer-0", "-name", "*.service").stdout.split())
+
+    def status(self, machine, *options):
+        shown = machine.run(self.magsteer, "status", self.config, "--json", *options)
         return json.loads(shown.stdout) if shown.returncode == 0 else {"error": shown.stderr, "code": shown.returncode}
 
     def heard(self, patience_s=20):
@@ -142,9 +145,12 @@ class Trial:
 
     def begin(self):
         self.rig.start(self.magsteer, "sim-plant", self.config, log="plant")
+        self.begin_daemon("whole")
+
+    def begin_daemon(self, record):
         # A machine that stops processes must not end the steering halfway: monitors tell, but do not act.
         self.daemon = self.rig.start(self.magsteer, "run", self.config, "--passive", "--record",
-                                     os.path.join(self.folder, "whole"), "--json", log="daemon")
+                                     os.path.join(self.folder, record), "--json", log="daemon")
         while "cycle" not in self.status(self.rig):
             if self.daemon.poll() is not None:
                 raise SystemExit(self.rig.log("daemon"))
@@ -205,39 +211,88 @@ def refuse(trial):
 
 
 def intrude(trial):
-    """A desk that keeps to no rule: another rig of the same name, all of it offered by a tunnel without rules or names."""
-    root = os.path.join(trial.folder, "intruder")
-    options = ["--root", root]
-    plant = trial.desk.start(trial.magsteer, "sim-plant", trial.config, *options, log="intruder")
-    false = trial.desk.start(trial.magsteer, "run", trial.config, "--passive", *options, log="intruder")
+    """A desk that keeps to no rule: another rig of the same name, all of it offered by a tunnel that allows everything.
+    It meets the rig, and beside it on the rig's machine another one that is shared without access rules: what becomes of
+    that one shows that the rules are what keeps the first."""
+    unruly, false = (os.path.join(trial.folder, name) for name in ("unruly", "false"))
+    started = another_rig(trial, trial.rig, unruly)
+    address = f"{ADDRESS['rig']}:{PORT + 1}"
+    started.append(lawless(trial, trial.rig, unruly, {"listen": {"endpoints": [f"tcp/{address}"]}},
+                           "--allow 'magsteer/bigmag-planar/*'"))
     time.sleep(3)
-    with open(os.path.join(watch_folder(trial.desk), "zenoh.json5")) as file:
-        network = json.load(file)
-    network["access_control"] = {"enabled": False}
-    # The tunnel's files of a sharing machine, on the desk: they name the intruder's root.
-    share = trial.desk.start(trial.magsteer, "tunnel", "share", trial.config, "--program", trial.program, *options,
-                             log="intruder")
-    time.sleep(1)
-    folder = os.path.join(trial.folder, "lawless")
-    shutil.copytree(os.path.join(root, "bigmag-planar.tunnel"), folder)
-    end(share)
-    with open(os.path.join(folder, "zenoh.json5"), "w") as file:
-        json.dump(network, file)
-    services = trial.rig.run("find", "/dev/shm/magsteer-0", "-name", "*.service").stdout.split()
-    lawless = trial.desk.start("sh", "-c", f"cd {folder} && exec {trial.program} --zenoh-config zenoh.json5 --poll 20",
-                               log="lawless")
+    services = trial.services()
+    started += another_rig(trial, trial.desk, false)
+    both = [f"tcp/{ADDRESS['rig']}:{PORT}", f"tcp/{address}"]
+    started.append(lawless(trial, trial.desk, false, {"listen": {"endpoints": []}, "connect": {"endpoints": both}}, ""))
     time.sleep(4)
-    cycles = []
+    cycles, unruly_cycles = [], []
     for _ in range(30):
         cycles.append(trial.status(trial.rig).get("cycle", -1))
-    trial.claim("an intruder's status does not reach the rig", lawless.poll() is None and cycles == sorted(cycles)
+        unruly_cycles.append(trial.status(trial.rig, "--root", unruly).get("cycle", -1))
+    trial.claim("an intruder's status does not reach the rig", started[-1].poll() is None and cycles == sorted(cycles)
                 and cycles[0] > 0, f"{len(cycles)} looks, cycle {cycles[0]} to {cycles[-1]}")
-    found = trial.rig.run("find", "/dev/shm/magsteer-0", "-name", "*.service").stdout.split()
-    trial.claim("nor do its services", set(found) == set(services) and len(services) > 0, f"{len(found)} as before")
+    trial.claim("it would without the access rules", min(unruly_cycles) > 0 and unruly_cycles != sorted(unruly_cycles),
+                f"{sum(a > b for a, b in zip(unruly_cycles, unruly_cycles[1:]))} times back to another rig's cycle")
+    trial.claim("nor do its services", trial.services() == services != [], f"{len(services)} as before")
     state = trial.status(trial.rig)
     trial.claim("nor its commands", state["state"] == "active", state["state"])
-    for child in (lawless, false, plant):
+    for child in reversed(started):
         end(child)
+
+
+def another_rig(trial, machine, root):
+    options = [trial.config, "--root", root]
+    return [machine.start(trial.magsteer, "sim-plant", *options, log=os.path.basename(root)),
+            machine.start(trial.magsteer, "run", *options, "--passive", log=os.path.basename(root))]
+
+
+def lawless(trial, machine, root, network, allowed):
+    """A tunnel at `root` with another network and no access rules, started without magsteer."""
+    share = machine.start(trial.magsteer, "tunnel", "share", trial.config, "--program", trial.program, "--root", root,
+                          "--listen", "127.0.0.1:7999", log="lawless")
+    written = os.path.join(root, "bigmag-planar.tunnel")
+    while not os.path.exists(os.path.join(written, "pid")):
+        time.sleep(0.1)
+    folder = f"{root}-tunnel"
+    shutil.copytree(written, folder)
+    end(share)
+    file = os.path.join(folder, "zenoh.json5")
+    with open(file) as text:
+        config = {**json.load(text), **network, "access_control": {"enabled": False}}
+    with open(file, "w") as text:
+        json.dump(config, text)
+    command = f"cd {folder} && exec {trial.program} --zenoh-config zenoh.json5 --poll 20 {allowed}"
+    return machine.start("sh", "-c", command, log="lawless")
+
+
+def begin_again(trial):
+    """The daemon ends, and another one starts while both tunnels run."""
+    end(trial.daemon)
+    time.sleep(1)
+    trial.begin_daemon("again")
+    waited = trial.heard()
+    there, here = trial.status(trial.rig), trial.status(trial.desk)
+    trial.claim("a new daemon starts beside the tunnel and is heard", waited is not None and
+                abs(here.get("cycle", -1) - there.get("cycle", 1e9)) < 2_000, f"after {waited or 0:.1f} s")
+    page = trial.desk.start(trial.magsteer, "web", trial.config, "--bind", "127.0.0.1:8090", log="web")
+    time.sleep(2)
+    shown = trial.desk.run(sys.executable, "-c", "import urllib.request as u;"
+                           "print(u.urlopen('http://127.0.0.1:8090/metrics').read().decode())").stdout
+    cycle = next((line for line in shown.splitlines() if "_cycle" in line and not line.startswith("#")), "")
+    trial.claim("the desk's own page shows the rig", cycle != "" and not cycle.endswith(" 0"), cycle)
+    end(page)
+
+
+def begin_last(trial):
+    """Both tunnels are there before there is any daemon: what the desk made must not stand in its way."""
+    end(trial.daemon)
+    share, watch = trial.share(), trial.watch()
+    time.sleep(4)
+    trial.begin_daemon("afterwards")
+    waited = trial.heard()
+    trial.claim("a daemon starts that finds the tunnel there first", waited is not None, f"after {waited or 0:.1f} s")
+    end(watch)
+    end(share)
 
 
 def watch_folder(machine):
@@ -345,7 +400,8 @@ def carry_out(trial, arguments):
     refuse(trial)
     intrude(trial)
     share = kill(trial, share)
-    end(watch), end(share)
+    end(watch)
+    end(share)
     windows = measure(trial, arguments.pairs, arguments.seconds)
     share, watch = trial.share(), trial.watch()
     trial.claim("the desk hears the rig again", trial.heard() is not None)
@@ -362,7 +418,10 @@ def carry_out(trial, arguments):
         expected = {number: row for number, row in whole.items() if first <= number <= until}
         trial.claim(f"what the desk recorded ({name}) is what the rig recorded", part == expected,
                     f"{len(part)} of {len(expected)} cycles, {sum(part[n] != expected.get(n) for n in part)} differ")
-    end(watch), end(share)
+    begin_again(trial)
+    end(watch)
+    end(share)
+    begin_last(trial)
     tell(whole, windows)
     return 1 if trial.failed else 0
 
