@@ -83,7 +83,7 @@ struct Steering {
 
 impl Steering {
     fn at(angles_deg: [f64; 2], edit: impl Fn(&mut DaemonConfig)) -> Self {
-        let Setup { config, plant } = Setup::shipped("bigmag-planar.toml");
+        let Setup { config, plant, .. } = Setup::shipped("bigmag-planar.toml");
         let Config { description, manipulator, control, daemon, .. } = config;
         let mut daemon = daemon.expect("has a daemon");
         edit(&mut daemon);

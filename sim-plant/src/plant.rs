@@ -90,21 +90,26 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A plant at rest under gravity, without current, its clock at zero.
+    /// A plant at rest under gravity, without current, its clock at zero. It is driven as `description` says,
+    /// and is in truth what `nominal` says, before its errors.
     ///
     /// # Errors
     /// When the manipulator has no mass, finds no rest, or cannot carry the sensor.
-    pub fn new(description: &HardwareDescription, settings: &Settings) -> Result<Self, PlantError> {
+    pub fn new(
+        description: &HardwareDescription,
+        nominal: &HardwareDescription,
+        settings: &Settings,
+    ) -> Result<Self, PlantError> {
         let step = settings.step.as_secs_f64();
         let sensor =
             PoseSensor::new(&settings.sensor, &description.manipulator, settings.seed, Stamp::default())?;
-        let parameters = settings.errors.apply(description, settings.seed);
+        let parameters = settings.errors.apply(nominal, settings.seed);
         let actuators = Actuators::new(description, &settings.actuation, step, settings.seed);
         let actual = actuators.actual();
-        let mut array = CoilArray::new(description, &settings.coil_truths, &parameters.coils);
+        let mut array = CoilArray::new(nominal, &settings.coil_truths, &parameters.coils);
         array.actuate(actuators.field_currents(), &actual.angle_rad);
         let undamped = Stepping { step, retardation: 0.0 };
-        let mut rod = Rod::new(&parameters.manipulator, description.gravity, settings.rod.meshing, undamped);
+        let mut rod = Rod::new(&parameters.manipulator, nominal.gravity, settings.rod.meshing, undamped);
         rod.set_magnet_interaction(settings.rod.magnet_interaction);
         rod.set_contact(settings.rod.contact.clone());
         if rod.moving_mass() <= 0.0 {

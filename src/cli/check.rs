@@ -136,10 +136,15 @@ fn check_plant(document: &Document, config: Option<&Config>) -> Vec<Problem> {
     match document.section::<magsteer_sim_plant::PlantConfig>("plant") {
         Ok(plant) => {
             let Some(config) = config else { return Vec::new() };
-            let refused = plant.build(&config.description).err().unwrap_or_default();
+            let nominal = match config.nominal(document) {
+                Ok(nominal) => nominal,
+                Err(problems) => return problems.into_vec(),
+            };
+            let description = &config.description;
+            let refused = plant.build_as(description, &nominal).err().unwrap_or_default();
             let mut problems = document.refuse(refused);
             if let Some(campaign) = &config.campaign {
-                let plants = super::campaign::Plants { document, description: &config.description, campaign };
+                let plants = super::campaign::Plants { document, description, nominal, campaign };
                 problems.extend(plants.refused_extremes());
             }
             problems

@@ -8,6 +8,7 @@ use magsteer::daemon::StopFlag;
 use magsteer::daemon::kernel::Signals;
 
 use super::exit::Exit;
+use super::output;
 
 /// Noted in place of a signal when standard input closed; no signal has this number.
 const STDIN_CLOSED: i32 = 1_000;
@@ -60,6 +61,21 @@ pub fn exit_of(stop: &StopFlag) -> Exit {
         Some(libc::SIGINT) => Exit::Interrupted,
         Some(libc::SIGTERM | libc::SIGHUP) => Exit::Terminated,
         _ => Exit::Success,
+    }
+}
+
+/// The same once its result was told. When nobody took that, as when a terminal closed, the end by a signal is still what
+/// it is: that it ramped down says more than that its words were lost.
+///
+/// # Errors
+/// What kept the result from being told, of a command that ended by itself.
+pub fn exit_told(stop: &StopFlag, told: anyhow::Result<()>) -> anyhow::Result<Exit> {
+    match (exit_of(stop), told) {
+        (Exit::Success, Err(error)) => Err(error),
+        (exit, told) => {
+            told.unwrap_or_else(|error| output::error(format_args!("{error:#}")));
+            Ok(exit)
+        }
     }
 }
 

@@ -15,8 +15,6 @@ mod data_file;
 #[cfg(feature = "sim")]
 mod demo;
 mod doctor;
-#[cfg(all(test, feature = "sim", feature = "record", feature = "figures", feature = "top", feature = "web"))]
-mod documented;
 mod ending;
 mod events;
 mod exit;

@@ -14,7 +14,7 @@ use magsteer::daemon::{
 };
 use magsteer_hal::channels::Endpoint;
 
-use super::ending::{exit_of, watching};
+use super::ending::{exit_of, exit_told, watching};
 use super::exit::{Exit, Failure};
 use super::output;
 use super::rig_file::{RootArgs, channel_failure, keep_files_private};
@@ -91,10 +91,10 @@ impl Run {
         let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;
         match report {
             Ok(report) => {
-                // Told first: a disk that takes no summary must not keep the report from whoever waits for it.
-                let exit = self.tell(&report, &stop)?;
+                // Told first, and written whether it was told or not: neither a full disk nor a closed output takes the other.
+                let exit = self.tell(&report, &stop);
                 files.end(&report)?;
-                Ok(exit)
+                exit
             }
             Err(RunError::Interrupted) => Ok(exit_of(&stop)),
             Err(RunError::Channel(error)) => Err(channel_failure(error)),
@@ -141,12 +141,13 @@ impl Run {
     }
 
     fn tell(&self, report: &RunReport, stop: &StopFlag) -> anyhow::Result<Exit> {
-        if self.json {
-            output::json(report)?;
+        let told = if self.json {
+            output::json(report)
         } else {
-            output::result(summary(report))?;
-        }
-        Ok(if report.is_clean() { exit_of(stop) } else { Exit::No })
+            output::result(summary(report)).map_err(anyhow::Error::from)
+        };
+        let exit = exit_told(stop, told)?;
+        Ok(if report.is_clean() { exit } else { Exit::No })
     }
 }
 

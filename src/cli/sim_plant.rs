@@ -12,7 +12,7 @@ use magsteer_sim_plant::actuation::{Fault, fault_code};
 use magsteer_sim_plant::{PlantConfig, process};
 use serde::{Deserialize, Serialize};
 
-use super::ending::{exit_of, watching};
+use super::ending::{exit_told, watching};
 use super::exit::Exit;
 use super::managed::managed;
 use super::output;
@@ -97,7 +97,7 @@ impl SimPlant {
         if let Some(seed) = self.seed {
             settings.seed = seed;
         }
-        let built = settings.build(&config.description);
+        let built = settings.build_as(&config.description, &config.nominal(&document)?);
         let mut plant = match built {
             Ok(plant) => plant,
             Err(refused) => {
@@ -126,14 +126,15 @@ impl SimPlant {
             }))
         })??;
         let report = PlantReport::of(&summary);
-        if self.json {
+        let told = if self.json {
             // For people who read the messages alone, as those of a demonstration that was killed.
             output::note(format_args!("simulated rig {} {}", endpoint.rig(), report.verdict()));
-            output::json(&report)?;
+            output::json(&report)
         } else {
-            output::result(report.text())?;
-        }
-        Ok(if report.ended_currentless { exit_of(&stop) } else { Exit::No })
+            output::result(report.text()).map_err(anyhow::Error::from)
+        };
+        let exit = exit_told(&stop, told)?;
+        Ok(if report.ended_currentless { exit } else { Exit::No })
     }
 }
 

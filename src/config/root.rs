@@ -51,6 +51,25 @@ impl Config {
         Ok((document, config))
     }
 
+    /// The rig that a simulated plant is built as: that of the file which `plant.nominal` of the document names, this one
+    /// where it names none.
+    ///
+    /// # Errors
+    /// When that file cannot be read, and what [`Self::load`] refuses of it.
+    pub fn nominal(&self, document: &Document) -> Result<HardwareDescription, Problems> {
+        const KEY: &str = "plant.nominal";
+        let Some(path) = document.path_at(KEY) else { return Ok(self.description.clone()) };
+        Self::load(&path).map(|(_, config)| config.description).map_err(|problems| {
+            if !problems.unreadable() {
+                return problems;
+            }
+            let value = format!("{} ({})", path.display(), problems.as_slice()[0].value);
+            let expected = "a configuration that can be read, relative to this file".to_owned();
+            let refused = document.refuse(vec![Invalid { key: KEY.to_owned(), value, expected }]);
+            Problems::new(refused).unwrap_or(problems)
+        })
+    }
+
     /// Checks every section of a document but `plant`.
     ///
     /// # Errors

@@ -9,6 +9,7 @@ use magsteer::control::{Cycle, Directions};
 use magsteer::daemon::lockstep::{Lockstep, PlayEnd, TimedTarget};
 use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::{CycleRecord, Verb};
+use magsteer_hal::HardwareDescription;
 use magsteer_hal::fault::{FaultPlanConfig, Injector, Reach};
 use magsteer_sim_plant::{PlantConfig, SimulatedRig};
 
@@ -16,6 +17,8 @@ use magsteer_sim_plant::{PlantConfig, SimulatedRig};
 pub struct Setup {
     pub config: Config,
     pub plant: PlantConfig,
+    /// What the plant is built as, before its errors.
+    pub nominal: HardwareDescription,
 }
 
 impl Setup {
@@ -23,7 +26,8 @@ impl Setup {
     pub fn shipped(name: &str) -> Self {
         let (document, config) = Config::load(&shipped_path(name)).expect("shipped");
         let plant = document.section::<PlantConfig>("plant").expect("shipped");
-        Self { config, plant }
+        let nominal = config.nominal(&document).expect("shipped");
+        Self { config, plant, nominal }
     }
 
     /// The same with another seed of the plant.
@@ -52,7 +56,7 @@ impl Bench {
     pub fn with_faults(setup: &Setup, plan: Option<&str>) -> Self {
         let config = setup.config.clone();
         let rig = &config.description;
-        let plant = setup.plant.build(rig).expect("shipped");
+        let plant = setup.plant.build_as(rig, &setup.nominal).expect("shipped");
         let manipulator = config.manipulator.clone().expect("has a model");
         let control = config.control.clone().expect("has a controller");
         let daemon = config.daemon.clone().expect("has a daemon");

@@ -24,6 +24,9 @@ use crate::plant::{Plant, PlantError, Settings};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlantConfig {
+    /// Configuration whose rig the plant is built as, before its errors; a path relative to the file that says so. This
+    /// one's when left out. Names what parameters were identified from, so that they do not change the truth.
+    pub nominal: Option<String>,
     /// Everything random comes from it: parameter errors, sensor noise, drop-outs.
     pub seed: u64,
     /// Fixed step of the simulation, us, 50 to 2000.
@@ -52,13 +55,37 @@ pub struct PlantConfig {
     pub real_time: RealTimeConfig,
 }
 
+/// What two descriptions of one rig have in common, whatever their parameters: by their names, its coils with the frames
+/// that turn them, its frames and its magnets.
+fn parts(rig: &HardwareDescription) -> Vec<(&str, Option<usize>)> {
+    let coils = rig.coils.iter().map(|coil| (coil.name.as_str(), coil.frame));
+    let frames = rig.frames.iter().map(|frame| (frame.name.as_str(), None));
+    let magnets = rig.magnets().map(|magnet| (magnet.name.as_str(), None));
+    coils.chain(frames).chain(magnets).collect()
+}
+
 impl PlantConfig {
     /// Validates every value and builds the plant at rest under gravity.
     ///
     /// # Errors
     /// Every value out of its range, and a manipulator that has no mass to move or finds no rest.
     pub fn build(&self, description: &HardwareDescription) -> Result<Plant, Vec<Invalid>> {
+        self.build_as(description, description)
+    }
+
+    /// The same, in truth built as `nominal` says: the rig of `plant.nominal`.
+    ///
+    /// # Errors
+    /// As [`Self::build`], and when the two have not the same coils, frames and magnets.
+    pub fn build_as(
+        &self,
+        description: &HardwareDescription,
+        nominal: &HardwareDescription,
+    ) -> Result<Plant, Vec<Invalid>> {
         let mut checks = Checks::new();
+        let is_one_rig = parts(description) == parts(nominal);
+        let expected = "of a rig with the same coils, frames and magnets";
+        checks.require(is_one_rig, "plant.nominal", self.nominal.as_deref().unwrap_or_default(), expected);
         self.check(description, &mut checks);
         let couplings = couplings(&self.coupling, description, &mut checks);
         let coil_truths = field::truths(&self.field, description, &mut checks);
@@ -75,7 +102,7 @@ impl PlantConfig {
             errors: self.errors.magnitudes(),
             sensor: sensor.settings(),
         };
-        Plant::new(description, &settings).map_err(|error| {
+        Plant::new(description, nominal, &settings).map_err(|error| {
             let (key, value, expected) = match error {
                 PlantError::Weightless => (
                     "plant.rod",

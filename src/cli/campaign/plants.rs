@@ -21,12 +21,14 @@ pub struct Drawn {
 }
 
 /// Draws and builds plants.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Plants<'a> {
     /// The configuration.
     pub document: &'a Document,
     /// The rig that it describes.
     pub description: &'a HardwareDescription,
+    /// The rig that its plants are built as.
+    pub nominal: HardwareDescription,
     /// Its `[campaign]` table.
     pub campaign: &'a CampaignConfig,
 }
@@ -62,7 +64,7 @@ impl Plants<'_> {
             }
             problems
         })?;
-        settings.build(self.description).map_err(|refused| document.refuse(refused))
+        settings.build_as(self.description, &self.nominal).map_err(|refused| document.refuse(refused))
     }
 
     /// What the plant refuses of the ends of the distributions: of each by itself, and of all the least and

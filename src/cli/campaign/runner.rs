@@ -49,7 +49,12 @@ impl<'a> Runner<'a> {
     ) -> Result<Self, Problems> {
         let magnets: Vec<&str> = config.description.magnets().map(|magnet| magnet.name.as_str()).collect();
         let campaign = document.require("campaign", &config.campaign)?;
-        let plants = Plants { document, description: &config.description, campaign };
+        let plants = Plants {
+            document,
+            description: &config.description,
+            nominal: config.nominal(document)?,
+            campaign,
+        };
         plants.check()?;
         let target = |step| experiment.target(step, &config.description);
         let steps = experiment.steps.iter();

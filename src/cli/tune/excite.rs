@@ -92,7 +92,7 @@ impl Excite {
         let manipulator = document.require("rod", &config.manipulator)?;
         let rig = &config.description;
         let settings = document.section::<PlantConfig>("plant")?;
-        let plant = match settings.build(rig) {
+        let plant = match settings.build_as(rig, &config.nominal(&document)?) {
             Ok(plant) => plant,
             Err(refused) => {
                 return Err(Problems::refuse(document.refuse(refused), ()).expect_err("refused").into());

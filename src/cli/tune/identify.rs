@@ -116,6 +116,8 @@ pub(super) struct Subject {
     pub config_file: PathBuf,
     /// The rig with its nominal parameters.
     pub config: Config,
+    /// It has a simulated plant, built as it describes.
+    pub simulates_nominal: bool,
     /// Files, as given, with their SHA-256.
     pub data: Vec<(PathBuf, String)>,
     /// All samples, file by file.
@@ -139,7 +141,8 @@ impl Identify {
         document.require("rod", &config.manipulator)?;
         let rod: RodConfig = document.section("rod")?;
         self.check_out(&document)?;
-        let subject = self.subject(config)?;
+        let simulates_nominal = document.has("plant") && document.path_at("plant.nominal").is_none();
+        let subject = self.subject(config, simulates_nominal)?;
         let request = self.request();
         let found = self.search(&subject, &rod, &request)?;
         self.warn(&subject, &found);
@@ -191,11 +194,12 @@ impl Identify {
     }
 
     /// Reads and checks the data.
-    fn subject(&self, config: Config) -> anyhow::Result<Subject> {
+    fn subject(&self, config: Config, simulates_nominal: bool) -> anyhow::Result<Subject> {
         let rig = config.description.clone();
         let mut subject = Subject {
             config_file: self.file.clone(),
             config,
+            simulates_nominal,
             data: Vec::new(),
             samples: Vec::new(),
             file_of: Vec::new(),

@@ -37,6 +37,10 @@ pub(super) fn text(subject: &Subject, found: &Identified, request: &IdentifyRequ
     if nominal.coils != hardware.coils {
         text += &hardware.coils.iter().map(coil_entry).collect::<String>();
     }
+    if subject.simulates_nominal {
+        // What is known better of a rig does not change it.
+        text += &format!("\n[plant]\nnominal = {}\n", quoted(&path_from(out, &subject.config_file)));
+    }
     text
 }
 
