@@ -90,6 +90,7 @@ class Trial:
         self.config = os.path.abspath(arguments.config)
         self.program = os.path.abspath(arguments.program or shutil.which("iox2-link-tunnel-zenoh"))
         self.folder, self.failed, self.machines = folder, 0, []
+        self.recorders, self.reports = {}, {}
         for name in ADDRESS:
             self.machines.append(Machine(name, folder))
         self.rig, self.desk = self.machines
@@ -158,8 +159,18 @@ class Trial:
         self.steer()
 
     def record_at_desk(self, name):
-        return self.desk.start(self.magsteer, "record", self.config, "--out", os.path.join(self.folder, name), "--json",
-                               log=name, stdout=subprocess.PIPE, text=True)
+        self.recorders[name] = self.desk.start(self.magsteer, "record", self.config, "--out",
+                                               os.path.join(self.folder, name), "--json", log=name,
+                                               stdout=subprocess.PIPE, text=True)
+        return self.recorders[name]
+
+    def recorded(self, name, ask):
+        """Ends a recorder, or waits until the loop does; its report."""
+        recorder = self.recorders[name]
+        if ask:
+            recorder.send_signal(signal.SIGINT)
+        self.reports[name] = json.loads(recorder.communicate(timeout=60)[0])
+        return self.reports[name]
 
     def table(self, name):
         """Cycles of a recording by their numbers, as text."""
@@ -190,11 +201,10 @@ def look(trial, seconds):
     trial.claim("and that the rig is distant", here.get("distant") is True and there.get("distant") is False)
     text = trial.desk.run(trial.magsteer, "status", trial.config).stdout
     trial.claim("in words too", "DISTANT" in text, next((x for x in text.splitlines() if "DISTANT" in x), ""))
-    recorder = trial.record_at_desk("desk")
+    trial.record_at_desk("desk")
     time.sleep(seconds)
-    recorder.send_signal(signal.SIGINT)
-    report = json.loads(recorder.communicate(timeout=30)[0])
-    trial.claim("the desk records every cycle", report["lost"] == 0 and report["cycles"] > 10,
+    report = trial.recorded("desk", ask=True)
+    trial.claim("the desk records", report["cycles"] > 10,
                 f"{report['cycles']} cycles in {seconds} s, {report['lost']} lost")
 
 
@@ -330,15 +340,40 @@ def measure(trial, pairs, seconds):
             if trial.heard() is None:
                 raise SystemExit("the desk does not hear the rig")
             started.append(trial.desk.start(trial.magsteer, "status", trial.config, "--watch", log="status"))
-            started.append(trial.record_at_desk(f"desk-{turn}"))
+            trial.record_at_desk(f"desk-{turn}")
         time.sleep(3)
-        begin = trial.status(trial.rig)["cycle"]
+        begin, work = trial.status(trial.rig)["cycle"], tunnel_work(trial.rig, with_tunnel)
         time.sleep(seconds)
-        windows.append((with_tunnel, begin, trial.status(trial.rig)["cycle"], os.getloadavg()[0]))
+        share = (tunnel_work(trial.rig, with_tunnel) - work) / seconds
+        windows.append((with_tunnel, begin, trial.status(trial.rig)["cycle"], share))
+        if with_tunnel:
+            trial.recorded(f"desk-{turn}", ask=True)
         for child in reversed(started):
             end(child, signal.SIGINT)
         time.sleep(1)
     return windows
+
+
+def tunnel_work(machine, runs):
+    """Seconds of a processor that the tunnel has used on a machine."""
+    if not runs:
+        return 0.0
+    with open(os.path.join(watch_folder(machine), "pid")) as file:
+        pid = int(file.read())
+    with open(f"/proc/{pid}/stat") as file:
+        fields = file.read().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def compare(trial, name, lost, whole):
+    """What was recorded at the desk against what was recorded beside the loop, number by number."""
+    part = trial.table(name)
+    first, until = min(part), max(part)
+    expected = {number: row for number, row in whole.items() if first <= number <= until}
+    differ = sum(row != expected.get(number) for number, row in part.items())
+    trial.claim(f"what the desk recorded ({name}) is what the rig did, and what is missing is counted",
+                differ == 0 and len(expected) - len(part) == lost,
+                f"{len(part)} of {len(expected)} cycles, {lost} counted as lost, {differ} differ")
 
 
 def quantile(values, fraction):
@@ -346,19 +381,20 @@ def quantile(values, fraction):
 
 
 def tell(cycles, windows):
-    print("\ntunnel  cycles  lateness p50    p99  p99.9 us   execution p50    p99  p99.9 us   missed   load")
+    print(f"\nload {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; tunnel: what it takes of one on the rig's machine")
+    print("tunnel  cycles  lateness p50    p99  p99.9 us   execution p50    p99  p99.9 us   missed   tunnel %")
     sums = {False: ([], []), True: ([], [])}
 
-    def line(name, late, work, missed, load):
+    def line(name, late, work, missed, share):
         print(f"{name:7} {len(late):6} {quantile(late, .5):13.1f} {quantile(late, .99):6.1f} {quantile(late, .999):6.1f}"
-              f" {quantile(work, .5):18.1f} {quantile(work, .99):6.1f} {quantile(work, .999):6.1f} {missed:11} {load:>6}")
+              f" {quantile(work, .5):18.1f} {quantile(work, .99):6.1f} {quantile(work, .999):6.1f} {missed:11} {share:>10}")
 
-    for with_tunnel, begin, until, load in windows:
+    for with_tunnel, begin, until, share in windows:
         rows = [row for number, row in cycles.items() if begin <= number < until]
         late, work = ([int(row[key]) for row in rows] for key in ("lateness_ns", "execution_ns"))
         sums[with_tunnel][0].extend(late)
         sums[with_tunnel][1].extend(work)
-        line("yes" if with_tunnel else "no", late, work, until - begin - len(rows), f"{load:.1f}")
+        line("yes" if with_tunnel else "no", late, work, until - begin - len(rows), f"{100 * share:.1f}")
     for with_tunnel, (late, work) in sums.items():
         line("all yes" if with_tunnel else "all no", late, work, "", "")
 
@@ -405,19 +441,15 @@ def carry_out(trial, arguments):
     windows = measure(trial, arguments.pairs, arguments.seconds)
     share, watch = trial.share(), trial.watch()
     trial.claim("the desk hears the rig again", trial.heard() is not None)
-    last = trial.record_at_desk("last")
+    trial.record_at_desk("last")
     time.sleep(3)
     end(trial.daemon)
-    report = json.loads(last.communicate(timeout=30)[0])
-    trial.claim("the desk records the loop's end", report["ended"] == "loop-ended" and report["lost"] == 0,
+    report = trial.recorded("last", ask=False)
+    trial.claim("the desk records the loop's end", report["ended"] == "loop-ended",
                 f"{report['cycles']} cycles, {report['lost']} lost, {report['ended']}")
     whole = trial.table("whole")
-    for name in ["desk", *(f"desk-{turn}" for turn in range(1, 2 * arguments.pairs, 2)), "last"]:
-        part = trial.table(name)
-        first, until = min(part), max(part)
-        expected = {number: row for number, row in whole.items() if first <= number <= until}
-        trial.claim(f"what the desk recorded ({name}) is what the rig recorded", part == expected,
-                    f"{len(part)} of {len(expected)} cycles, {sum(part[n] != expected.get(n) for n in part)} differ")
+    for name, report in trial.reports.items():
+        compare(trial, name, report["lost"], whole)
     begin_again(trial)
     end(watch)
     end(share)
