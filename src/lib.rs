@@ -3,7 +3,7 @@
 //! Inside the library everything is SI, radians and world frame, unless a name's suffix says otherwise.
 //!
 //! Layers; a module may import only from those before it:
-//! `math < magnetics < rod < control < daemon < config < recording < live < cli < main`.
+//! `math < magnetics < rod < control < daemon < config < recording < live < tunnel < cli < main`.
 
 pub mod config;
 pub mod control;
@@ -14,3 +14,4 @@ pub mod math;
 #[cfg(feature = "record")]
 pub mod recording;
 pub mod rod;
+pub mod tunnel;

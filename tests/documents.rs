@@ -52,6 +52,9 @@ const TARGETS: &str = "m1x,m1y,m1z,m2x,m2y,m2z\n0.9800,0.0,0.1990,0.9800,0.0,-0.
 const BUILDS: Way = Elsewhere("builds what runs here");
 const INSTALLS: Way = Elsewhere("asks for root and changes the machine; the units are held by systemd.rs");
 const DRIVES: Way = Elsewhere("asks for a compiler or the network; hal_process.rs drives in each language");
+const TUNNELS: Way = Elsewhere(
+    "asks for the transport's tunnel and another machine; two_machines.py runs it, tunnel_process.rs without",
+);
 const WEIGHED: Way = Ends(&[0, 1]);
 
 const README: &[Row] = &[
@@ -132,6 +135,10 @@ const GUIDE: &[Row] = &[
         &[("--minutes 30", "--minutes 0.1 --experiment short.toml")],
         Afresh,
     ),
+    ("magsteer tunnel share config/bigmag-planar.toml", &[], TUNNELS),
+    ("magsteer tunnel watch config/bigmag-planar.toml &", &[], TUNNELS),
+    ("magsteer status config/bigmag-planar.toml", &[], TUNNELS),
+    ("magsteer record config/bigmag-planar.toml --out runs/from-afar", &[], TUNNELS),
 ];
 
 const YOUR_DRIVER: &[Row] = &[
@@ -145,9 +152,11 @@ const YOUR_DRIVER: &[Row] = &[
 ];
 
 /// Programs of others, where a document names them.
-const OTHERS: [(&str, Way); 9] = [
+const OTHERS: [(&str, Way); 11] = [
     ("sudo ", INSTALLS),
     ("journalctl ", INSTALLS),
+    ("cargo install", TUNNELS),
+    ("ssh ", TUNNELS),
     ("cargo build", BUILDS),
     ("cargo test", BUILDS),
     ("python3 ", DRIVES),

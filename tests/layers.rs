@@ -7,8 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module may import only from itself and from those before it.
-const LAYERS: [&str; 10] =
-    ["math", "magnetics", "rod", "control", "daemon", "config", "recording", "live", "cli", "main"];
+const LAYERS: [&str; 11] =
+    ["math", "magnetics", "rod", "control", "daemon", "config", "recording", "live", "tunnel", "cli", "main"];
 
 /// A source file without its comments and the contents of its strings.
 struct Source {

@@ -43,6 +43,7 @@ use super::target::Target;
 #[cfg(feature = "top")]
 use super::top::Top;
 use super::tune::Tune;
+use super::tunnel::Tunnel;
 #[cfg(feature = "web")]
 use super::web::Web;
 
@@ -82,6 +83,7 @@ pub enum Command {
     Web(Web),
     #[cfg(feature = "foxglove")]
     Bridge(Bridge),
+    Tunnel(Tunnel),
     Events(Events),
     Runs(Runs),
     #[cfg(all(feature = "figures", feature = "record"))]
@@ -138,6 +140,7 @@ impl Command {
             Self::Web(command) => command.run(),
             #[cfg(feature = "foxglove")]
             Self::Bridge(command) => command.run(),
+            Self::Tunnel(command) => command.run(),
             Self::Events(command) => command.run(),
             Self::Runs(command) => command.run(),
             #[cfg(all(feature = "figures", feature = "record"))]

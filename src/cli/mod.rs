@@ -69,7 +69,7 @@ mod target;
 #[cfg(feature = "top")]
 mod top;
 mod tune;
-#[cfg(any(feature = "top", feature = "web", feature = "foxglove"))]
+mod tunnel;
 mod viewing;
 #[cfg(feature = "web")]
 mod web;

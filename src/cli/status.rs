@@ -46,6 +46,8 @@ pub struct Status {
 #[derive(Serialize)]
 struct Answer {
     state: &'static str,
+    /// True when the rig is on another machine, watched through a tunnel.
+    distant: bool,
     /// Why the daemon stopped last, or why it does not leave boot.
     cause: Option<&'static str>,
     cause_code: u32,
@@ -120,7 +122,7 @@ impl Status {
                 let message = anyhow::anyhow!("the last status is {:.1} s old", age.as_secs_f64());
                 return Err(Failure::with(Exit::Unavailable, message));
             }
-            let answer = Answer::new(&status);
+            let answer = Answer { distant: client.is_distant(), ..Answer::new(&status) };
             if self.json {
                 output::json(&answer)?;
             } else {
@@ -144,6 +146,7 @@ impl Answer {
         let angles = |directions: &[[f64; 3]]| directions[..magnets].iter().map(angle_from_z_deg).collect();
         Self {
             state: state::name(status.state),
+            distant: false,
             cause: (status.cause != 0).then(|| cause::text(status.cause)),
             cause_code: status.cause,
             cycle: status.cycle,
@@ -185,6 +188,10 @@ impl Answer {
     /// What people must not overlook; nothing when there is nothing.
     fn guards(&self) -> String {
         let mut lines = String::new();
+        if self.distant {
+            lines +=
+                "DISTANT  on another machine; what is shown came through a tunnel that carries no commands\n";
+        }
         if self.passive {
             let worst = self.would_trip.unwrap_or("nothing");
             let count = self.would_trip_count;

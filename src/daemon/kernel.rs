@@ -330,6 +330,26 @@ impl Signals {
         Ok(Self { set })
     }
 
+    /// Does `work` on this thread with the signals let through: a process that it starts inherits the mask, and could
+    /// not be asked to end otherwise. Meant for that alone, since a signal that comes meanwhile acts as if nobody waited for it.
+    ///
+    /// # Errors
+    /// When the kernel refuses the mask.
+    pub fn let_through<T>(work: impl FnOnce() -> T) -> io::Result<T> {
+        let set = Self::block()?.set;
+        let change = |how| {
+            // SAFETY: the set is initialised and lives; the former mask is not asked for.
+            match unsafe { libc::pthread_sigmask(how, &raw const set, std::ptr::null_mut()) } {
+                0 => Ok(()),
+                code => Err(io::Error::from_raw_os_error(code)),
+            }
+        };
+        change(libc::SIG_UNBLOCK)?;
+        let done = work();
+        change(libc::SIG_BLOCK)?;
+        Ok(done)
+    }
+
     /// Waits for one of the signals; `None` when none came within `patience`.
     #[must_use]
     pub fn wait(&self, patience: Duration) -> Option<i32> {

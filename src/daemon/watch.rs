@@ -349,6 +349,7 @@ impl Watch {
             | Cause::TargetInvalid
             | Cause::Busy
             | Cause::NotRecording
+            | Cause::OnlyWatched
             | Cause::RealtimeMissing
             | Cause::ArmTimeout
             | Cause::DriverBusy

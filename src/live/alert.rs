@@ -47,6 +47,12 @@ pub(super) fn of_link(link: Link, age_s: Option<f64>) -> Option<Alert> {
     }
 }
 
+/// What a viewer says of a rig on another machine.
+pub(super) fn of_distance() -> Alert {
+    let text = "watched from another machine: ages count from the shortest way here; no commands pass";
+    Alert::new(Level::Note, text)
+}
+
 /// What a status says, the gravest first.
 pub(super) fn of_status(status: &StatusMessage, same_rig: bool) -> Vec<Alert> {
     let mut alerts = Vec::new();

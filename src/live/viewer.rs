@@ -10,6 +10,7 @@ use magsteer_hal::Stamp;
 use magsteer_hal::channels::{ClientError, Endpoint, OperatorClient};
 use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
 
+use super::alert;
 use super::events::EventFeed;
 use super::figures::{Figures, is_of};
 use super::history::History;
@@ -126,7 +127,12 @@ impl Viewer {
             Some(status) => self.rod.draw(&status, is_of(&status, &self.rig)),
             None => RodFigures::default(),
         };
-        Figures::new(&self.rig, self.newest.as_ref(), (link, age_s, self.lifeline.restarts()), rod)
+        let mut figures =
+            Figures::new(&self.rig, self.newest.as_ref(), (link, age_s, self.lifeline.restarts()), rod);
+        if self.client.as_ref().is_some_and(OperatorClient::is_distant) {
+            figures.alerts.push(alert::of_distance());
+        }
+        figures
     }
 
     /// The status heard last; `None` before the first.

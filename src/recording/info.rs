@@ -54,14 +54,12 @@ impl Info {
     #[must_use]
     pub fn here(rig: &HardwareDescription, rate_hz: f64, config_sha256: &str, description: &str) -> Self {
         let wall = SystemTime::now();
-        let since = wall.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
-        let wall_ns = u64::try_from(since).unwrap_or(u64::MAX);
-        Self {
+        let mut info = Self {
             program: env!("CARGO_PKG_VERSION").to_owned(),
             rig: rig.rig.clone(),
             rate_hz,
             started: crate::daemon::recorder::rfc_3339(wall),
-            wall_offset_ns: wall_ns.saturating_sub(Stamp::now().nanoseconds()),
+            wall_offset_ns: 0,
             config_sha256: config_sha256.to_owned(),
             description_fingerprint: format!("{:016x}", rig.fingerprint()),
             description: description.to_owned(),
@@ -70,7 +68,16 @@ impl Info {
             frames: rig.frames.iter().map(|frame| frame.name.clone()).collect(),
             magnets: rig.magnets().map(|magnet| magnet.name.clone()).collect(),
             realtime_missing: false,
-        }
+        };
+        info.set_wall_offset(Stamp::now().nanoseconds());
+        info
+    }
+
+    /// Takes the clock on this machine's wall for that of a stamp that was true just now, be it of another machine's
+    /// monotonic clock.
+    pub fn set_wall_offset(&mut self, stamp_ns: u64) {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
+        self.wall_offset_ns = u64::try_from(since).unwrap_or(u64::MAX).saturating_sub(stamp_ns);
     }
 
     /// How many coils, frames and magnets there are.

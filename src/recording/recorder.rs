@@ -131,11 +131,11 @@ pub fn record(
     }
     let mut observer = RecordObserver::open(endpoint, wait)?;
     let (queue, batches) = sync_channel(QUEUE);
-    let (config_digest, grace) = (plan.config_digest, plan.grace);
+    let (config_digest, grace, is_distant) = (plan.config_digest, plan.grace, observer.is_distant());
     std::thread::scope(|scope| {
         let writer = std::thread::Builder::new()
             .name("magsteer-writer".to_owned())
-            .spawn_scoped(scope, move || Scribe::new(plan, warn).serve(&batches))
+            .spawn_scoped(scope, move || Scribe::new(plan, is_distant, warn).serve(&batches))
             .map_err(RecorderError::Thread)?;
         attached();
         let taken =
@@ -214,6 +214,8 @@ fn take(
 /// The writer's thread.
 struct Scribe<'a> {
     plan: RecordingPlan,
+    /// True when stamps are those of another machine's clock.
+    is_distant: bool,
     writer: Option<RecordingWriter>,
     next_flush: Instant,
     /// How many cycles came to the publisher before the next one to be taken.
@@ -227,9 +229,10 @@ struct Scribe<'a> {
 }
 
 impl<'a> Scribe<'a> {
-    fn new(plan: RecordingPlan, warn: &'a (dyn Fn(&str) + Sync)) -> Self {
+    fn new(plan: RecordingPlan, is_distant: bool, warn: &'a (dyn Fn(&str) + Sync)) -> Self {
         Self {
             plan,
+            is_distant,
             writer: None,
             next_flush: Instant::now() + FLUSH,
             expected: None,
@@ -260,7 +263,10 @@ impl<'a> Scribe<'a> {
     fn take(&mut self, batch: &RecordBatch) -> Result<(), RecordingError> {
         let used = batch.used();
         if self.writer.is_none() {
-            let info = Info { realtime_missing: batch.realtime_missing == 1, ..self.plan.info.clone() };
+            let mut info = Info { realtime_missing: batch.realtime_missing == 1, ..self.plan.info.clone() };
+            if self.is_distant {
+                info.set_wall_offset(batch.header.publish_stamp_ns);
+            }
             self.writer = Some(RecordingWriter::create(&self.plan.file, info, &self.plan.config_text)?);
             self.has_first = batch.begin == 0;
             // What went before a recording that begins late is none of its losses.

@@ -15,6 +15,8 @@ pub enum Role {
     Driver,
     /// Answers operators, a part of the daemon.
     OperatorServer,
+    /// Carries what the rig publishes from one machine to another.
+    Tunnel,
 }
 
 impl Role {
@@ -26,6 +28,7 @@ impl Role {
             Self::Daemon => "daemon",
             Self::Driver => "driver",
             Self::OperatorServer => "operator-server",
+            Self::Tunnel => "tunnel",
         }
     }
 }

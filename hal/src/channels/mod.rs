@@ -15,6 +15,7 @@
 //! opening, which is bounded. Per sent message the transport allocates once; receiving allocates nothing.
 
 mod daemon;
+mod distant;
 mod driver;
 pub(crate) mod endpoint;
 mod error;
@@ -30,6 +31,7 @@ mod probe;
 mod record;
 mod requests;
 pub(crate) mod service;
+mod tunnel;
 
 pub use daemon::{DaemonEnd, DaemonServices};
 pub use driver::{DriverEnd, DriverServices};
@@ -41,3 +43,4 @@ pub use operator::{IncomingRequest, OperatorClient, OperatorServer, OperatorServ
 pub use private_root::PrivateRoot;
 pub use probe::ProbeEnd;
 pub use record::{RecordLoss, RecordObserver};
+pub use tunnel::{SharedEnd, TunnelFacts, WatchedEnd};

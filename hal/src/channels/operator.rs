@@ -7,6 +7,7 @@ use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::ipc;
 
+use super::distant::DistantClock;
 use super::endpoint::Endpoint;
 use super::error::{ChannelError, ClientError, Role};
 use super::lock::RoleLock;
@@ -18,6 +19,7 @@ use super::service::{
     RECORD, REQUEST, Requests, STATUS, TARGET_SET, TRUTH, Topic, Wait, create_requests, create_topic,
     open_requests, open_topic, retried,
 };
+use super::tunnel::is_distant;
 use crate::hardware::WriteError;
 use crate::message::PoseMessage;
 use crate::operator::{OperatorAnswer, OperatorRequest, StatusMessage, verb};
@@ -95,9 +97,7 @@ impl OperatorServer {
     pub fn next_request(&mut self) -> Option<IncomingRequest> {
         // A server that fails to connect to one client still serves the others.
         let received = |server: &RequestServer| server.receive().unwrap_or(None);
-        received(&self.request)
-            .or_else(|| received(&self.target_set))
-            .map(|active| IncomingRequest { active })
+        received(&self.request).or_else(|| received(&self.target_set)).map(IncomingRequest::new)
     }
 
     /// Publishes the status, filling in sequence, epoch, schema and publish stamp.
@@ -131,6 +131,10 @@ impl Debug for IncomingRequest {
 }
 
 impl IncomingRequest {
+    pub(super) fn new(active: ActiveRequest<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>) -> Self {
+        Self { active }
+    }
+
     /// What is asked for, unchecked.
     #[must_use]
     pub fn request(&self) -> &OperatorRequest {
@@ -153,6 +157,8 @@ pub struct OperatorClient {
     target_set_service: OperatorRequests,
     status: Inlet<StatusMessage>,
     newest: Option<StatusMessage>,
+    /// The clock of the rig's machine, when that is another one.
+    distant: Option<DistantClock>,
     _membership: Membership,
 }
 
@@ -172,8 +178,16 @@ impl OperatorClient {
             target_set_service,
             status: Inlet::new(status, STATUS.buffer)?,
             newest: None,
+            distant: is_distant(endpoint).then(DistantClock::default),
             _membership: membership,
         })
+    }
+
+    /// True when the rig is on another machine and reaches this one through a tunnel. Stamps of its status are
+    /// then told by this machine's clock: an age is what came on top of the shortest way here.
+    #[must_use]
+    pub fn is_distant(&self) -> bool {
+        self.distant.is_some()
     }
 
     /// Sends a request and waits for its answer. Without an answer it must be taken as not done.
@@ -195,19 +209,21 @@ impl OperatorClient {
 
     /// The status published last, as far as it has arrived; `None` before the first.
     pub fn newest_status(&mut self, now: Stamp) -> Option<StatusMessage> {
-        let Self { status, newest, .. } = self;
-        // What cannot be received is not new: the former status stays, with its age.
-        let _ = status.drain(now, |message| *newest = Some(*message));
+        self.drain_status(now, |_| ());
         self.newest
     }
 
     /// Hands over every status that arrived since the former call, oldest first, up to a queue of 64.
     pub fn drain_status(&mut self, now: Stamp, mut take: impl FnMut(&StatusMessage)) {
-        let Self { status, newest, .. } = self;
-        // As above.
+        let Self { status, newest, distant, .. } = self;
+        // What cannot be received is not new: the former status stays, with its age.
         let _ = status.drain(now, |message| {
-            *newest = Some(*message);
-            take(message);
+            let mut message = *message;
+            if let Some(clock) = distant {
+                clock.localise(&mut message.header, now);
+            }
+            *newest = Some(message);
+            take(&message);
         });
     }
 }

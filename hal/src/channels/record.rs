@@ -7,6 +7,7 @@ use super::error::{ChannelError, Role};
 use super::membership::Membership;
 use super::ports::{Inlet, Outlet};
 use super::service::{RECORD, Topic, Wait, open_topic};
+use super::tunnel::is_distant;
 use crate::hardware::WriteError;
 use crate::record::RecordBatch;
 use crate::send::HeaderWriter;
@@ -50,6 +51,7 @@ pub struct RecordObserver {
     inlet: Inlet<RecordBatch>,
     last: Option<(u64, u64)>,
     loss: RecordLoss,
+    is_distant: bool,
     _membership: Membership,
 }
 
@@ -62,7 +64,8 @@ impl RecordObserver {
         let membership = endpoint.join(CONNECTION_WAIT)?;
         let topic = open_topic(&membership.node, endpoint, RECORD, Role::Daemon, &Wait::new(wait))?;
         let inlet = Inlet::new(topic, RECORD.buffer)?;
-        Ok(Self { inlet, last: None, loss: RecordLoss::default(), _membership: membership })
+        let is_distant = is_distant(endpoint);
+        Ok(Self { inlet, last: None, loss: RecordLoss::default(), is_distant, _membership: membership })
     }
 
     /// Hands over every batch that arrived since the former call, oldest first, up to a queue of 128.
@@ -81,6 +84,13 @@ impl RecordObserver {
             *last = Some((epoch, sequence));
             take(batch);
         });
+    }
+
+    /// True when the rig is on another machine and reaches this one through a tunnel: stamps in its cycles are
+    /// those of that machine's clock.
+    #[must_use]
+    pub fn is_distant(&self) -> bool {
+        self.is_distant
     }
 
     /// What was missed so far.

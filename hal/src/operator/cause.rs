@@ -65,6 +65,8 @@ causes! {
     StreamEnded = 12, "held because the stream of targets ended";
     /// Records are asked for, and this daemon keeps none, or has none yet.
     NotRecording = 20, "this daemon has no records to write";
+    /// The rig is on another machine, and reaches this one through a tunnel that carries no commands.
+    OnlyWatched = 21, "this machine only watches the rig; it is commanded on its own machine";
 
     // 100 to 199: a wanted stop; ramp to zero, then idle.
     /// The operator asked for a stop.
