@@ -21,7 +21,7 @@ pub enum Role {
 
 impl Role {
     /// Every role.
-    pub(super) const ALL: [Self; 3] = [Self::Daemon, Self::Driver, Self::OperatorServer];
+    pub(super) const ALL: [Self; 4] = [Self::Daemon, Self::Driver, Self::OperatorServer, Self::Tunnel];
 
     pub(super) const fn name(self) -> &'static str {
         match self {
