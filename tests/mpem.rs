@@ -1,0 +1,345 @@
+//! Calibrations of multipole electromagnet models: what their numbers mean, and what of them is refused.
+#![cfg(feature = "mpem")]
+
+mod field_support;
+
+use magsteer::magnetics::mpem::{Calibration, PlacedCoil, Source, placed_coils, read, write};
+use magsteer::magnetics::{CoilArray, CoilPose, Multipole};
+use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const FIXTURE: &str = include_str!("reference/calibration.yaml");
+
+fn vector(x: f64, y: f64, z: f64) -> Vector3<f64> {
+    Vector3::new(x, y, z)
+}
+
+/// `P_n(c)` by Bonnet's recurrence.
+fn legendre(n: usize, c: f64) -> f64 {
+    let (mut before, mut now) = (1.0, c);
+    for k in 2..=n {
+        (before, now) = (now, ((2 * k - 1) as f64 * c * now - (k - 1) as f64 * before) / k as f64);
+    }
+    now
+}
+
+/// The potential of a source's falling terms, as the format defines it: `sum_n B_n r^-(n+1) P_n(cos)`.
+fn potential(source: &Source, point: &Vector3<f64>) -> f64 {
+    let d = point - source.position;
+    let (r, c) = (d.norm(), d.normalize().dot(&source.direction));
+    let terms = source.falling.iter().enumerate();
+    terms.map(|(index, b)| b * r.powi(-(index as i32 + 2)) * legendre(index + 1, c)).sum()
+}
+
+/// `-grad Phi` by central differences of the fourth order.
+fn differences(source: &Source, point: &Vector3<f64>) -> Vector3<f64> {
+    let h = 3e-4 * (point - source.position).norm();
+    Vector3::from_fn(|axis, _| {
+        let at = |steps: f64| {
+            let mut moved = *point;
+            moved[axis] += steps * h;
+            potential(source, &moved)
+        };
+        (8.0 * (at(-1.0) - at(1.0)) - (at(-2.0) - at(2.0))) / (12.0 * h)
+    })
+}
+
+fn series_field(source: &Source, point: &Vector3<f64>) -> Vector3<f64> {
+    let pose = CoilPose { origin: source.position, axis: source.direction };
+    Multipole::new(&source.series()).evaluate(&pose, point).column.field
+}
+
+fn direction(random: &mut ChaCha8Rng) -> Vector3<f64> {
+    Vector3::from_fn(|_, _| random.random_range(-1.0..1.0_f64)).normalize()
+}
+
+/// A source of some order whose terms weigh alike at 0.1 m.
+fn source(random: &mut ChaCha8Rng, order: usize) -> Source {
+    Source {
+        name: "Src_0".to_owned(),
+        line: 0,
+        position: Vector3::from_fn(|_, _| random.random_range(-0.1..0.1)),
+        direction: direction(random),
+        rising: Vec::new(),
+        falling: (1..=order)
+            .map(|n| 1e-3 * 0.1_f64.powi(n as i32 + 2) * random.random_range(0.2..1.0))
+            .collect(),
+    }
+}
+
+/// Goal: our series has the field that the format means, `B = -grad Phi`, with no formula in common. The
+/// differences are good to about 1e-10 at order 10: their step is 3e-4 r, and the fifth derivative of r^-11 is
+/// some 1e6 times r^-16.
+#[test]
+fn the_series_is_minus_the_gradient_of_the_potential() {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    for order in 1..=10 {
+        for _ in 0..20 {
+            let source = source(&mut random, order);
+            let point = source.position + direction(&mut random) * random.random_range(0.08..0.3);
+            let (found, expected) = (series_field(&source, &point), differences(&source, &point));
+            let error = (found - expected).norm() / expected.norm();
+            assert!(error < 1e-8, "order {order}: {found} instead of {expected}: {error:e}");
+        }
+    }
+}
+
+/// Goal: the first coefficient is `mu_0 m / 4 pi` of a dipole along the direction, sign included.
+#[test]
+fn the_first_coefficient_is_that_of_a_dipole() {
+    let strength = 1e-7 * 65.0;
+    let dipole = Source {
+        name: String::new(),
+        line: 0,
+        position: vector(0.0, 0.0, 0.1),
+        direction: vector(0.0, 0.0, -1.0),
+        rising: Vec::new(),
+        falling: vec![strength],
+    };
+    let on_axis = series_field(&dipole, &vector(0.0, 0.0, -0.1));
+    assert!((on_axis - vector(0.0, 0.0, -2.0 * strength / 8e-3)).norm() < 1e-12, "{on_axis}");
+    let beside = series_field(&dipole, &vector(0.2, 0.0, 0.1));
+    assert!((beside - vector(0.0, 0.0, strength / 8e-3)).norm() < 1e-12, "{beside}");
+}
+
+#[test]
+fn coefficients_differ_by_signed_factorials() {
+    let source = Source::of_series("", vector(0.0, 0.0, 0.0), Vector3::x(), &[1.0; 5]);
+    assert_eq!(source.falling, [1.0, -2.0, 6.0, -24.0, 120.0]);
+    assert_eq!(source.series(), [1.0; 5]);
+}
+
+#[test]
+fn a_source_turned_round_has_the_same_field() {
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    for order in 1..=10 {
+        let source = source(&mut random, order);
+        let turned = source.turned_round();
+        assert_eq!(turned.direction, -source.direction);
+        let point = source.position + direction(&mut random) * 0.1;
+        let (found, expected) = (series_field(&turned, &point), series_field(&source, &point));
+        assert!((found - expected).norm() < 1e-13 * expected.norm(), "order {order}");
+    }
+}
+
+fn fixture() -> (Calibration, Vec<PlacedCoil>) {
+    let calibration = read(FIXTURE.as_bytes()).unwrap_or_else(|refusal| panic!("{refusal}"));
+    let coils = placed_coils(&calibration).unwrap_or_else(|refusal| panic!("{refusal}"));
+    (calibration, coils)
+}
+
+#[test]
+fn a_file_is_read_in_the_order_of_its_list() {
+    let (calibration, coils) = fixture();
+    assert_eq!(calibration.name, "three coils");
+    assert_eq!(calibration.workspace, [[-0.02, 0.02], [-0.02, 0.03], [-0.01, 0.02]]);
+    let names: Vec<&str> = coils.iter().map(|coil| coil.name.as_str()).collect();
+    assert_eq!(names, ["West", "Below", "South"]);
+    let orders: Vec<usize> = coils.iter().map(|coil| coil.coefficients.len()).collect();
+    assert_eq!(orders, [3, 2, 1]);
+    assert_eq!(coils[0].coefficients, [2.5e-6, 1.25e-7 / 2.0, 4e-9 / 6.0]);
+    assert_eq!(coils[0].pose.origin, vector(-0.1, -0.03, 0.004));
+    // The nearest corner of the box, (-0.02, -0.02, any), along (0.96, 0.28, 0).
+    assert!((coils[0].box_from_x - (0.08 * 0.96 + 0.01 * 0.28)).abs() < 1e-15);
+    // B_1 of a direction that points down is that of its opposite with the other sign; B_2 stays.
+    assert_eq!(coils[1].pose.axis, Vector3::z());
+    assert_eq!(coils[1].coefficients, [3e-6, 1e-7]);
+}
+
+/// Goal: the coils of a file have the field that its potentials have, whichever way their directions point.
+#[test]
+fn coils_have_the_field_of_the_file() {
+    let (calibration, coils) = fixture();
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    for (listed, coil) in calibration.coils.iter().zip(&coils) {
+        let series = Multipole::new(&coil.coefficients);
+        for _ in 0..10 {
+            let point = Vector3::from_fn(|axis, _| {
+                let [least, greatest] = calibration.workspace[axis];
+                random.random_range(least..greatest)
+            });
+            let expected = differences(&listed.sources[0], &point);
+            let found = series.evaluate(&coil.pose, &point).column.field;
+            assert!((found - expected).norm() < 1e-9 * expected.norm(), "{}", coil.name);
+        }
+    }
+}
+
+/// Goal: an array written and read again has the same field, to twelve digits, with its frames turned.
+#[test]
+fn an_array_survives_writing_and_reading() {
+    let rig = field_support::bigmag();
+    let array = CoilArray::new(&rig).posed(&[30_f64.to_radians(), (-45_f64).to_radians()]);
+    let calibration = Calibration::of_array(&rig, &array);
+    let text = write(&calibration, &["one remark".to_owned()]).unwrap();
+    let again = read(text.as_bytes()).unwrap_or_else(|refusal| panic!("{refusal}\n{text}"));
+    assert_eq!(again.workspace, calibration.workspace);
+    let coils = placed_coils(&again).unwrap_or_else(|refusal| panic!("{refusal}\n{text}"));
+    assert_eq!(coils.len(), rig.coils.len());
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    for (index, (coil, described)) in coils.iter().zip(&rig.coils).enumerate() {
+        assert_eq!(coil.name, described.name);
+        let (before, after) = (Multipole::new(&described.coefficients), Multipole::new(&coil.coefficients));
+        for _ in 0..50 {
+            let point = Vector3::from_fn(|_, _| random.random_range(-0.03..0.03));
+            let expected = before.evaluate(&array.coil_pose(index), &point);
+            let found = after.evaluate(&coil.pose, &point);
+            let error = (found.column.field - expected.column.field).norm();
+            assert!(error < 1e-12 * expected.column.field.norm(), "{}: {error:e}", coil.name);
+            let (found, expected) = (found.column.gradient.matrix(), expected.column.gradient.matrix());
+            assert!((found - expected).norm() < 1e-12 * expected.norm(), "{}: gradient", coil.name);
+        }
+    }
+}
+
+#[test]
+fn the_box_of_an_array_lies_inside_its_workspace() {
+    let rig = field_support::bigmag();
+    let calibration = Calibration::of_array(&rig, &CoilArray::new(&rig).posed(&[]));
+    let center = Vector3::from(rig.workspace.center);
+    let corner = Vector3::from_fn(|axis, _| calibration.workspace[axis][1]);
+    assert!(((corner - center).norm() - rig.workspace.radius).abs() < 1e-15);
+}
+
+#[test]
+fn numbers_are_written_as_every_yaml_reads_them() {
+    let (mut calibration, _) = fixture();
+    calibration.coils[0].sources[0].falling = vec![1.0, 1e-6, -2.5e-123, 3e21, 0.1];
+    calibration.name = "2nd: \"odd\" \\ name".to_owned();
+    let text = write(&calibration, &[]).unwrap();
+    for number in ["- 1.0e+00\n", "- 1.0e-06\n", "- -2.5e-123\n", "- 3.0e+21\n", "- 1.0e-01\n"] {
+        assert!(text.contains(number), "{number}: {text}");
+    }
+    let again = read(text.as_bytes()).unwrap_or_else(|refusal| panic!("{refusal}\n{text}"));
+    assert_eq!(again.coils[0].sources[0].falling, calibration.coils[0].sources[0].falling);
+    assert_eq!(again.name, calibration.name);
+}
+
+#[test]
+fn names_that_the_format_takes_for_something_else_are_not_written() {
+    for name in ["Coil_List", "Offset coil", "Workspace_Dimensions"] {
+        let (mut calibration, _) = fixture();
+        calibration.coils[1].name = name.to_owned();
+        let refusal = write(&calibration, &[]).unwrap_err().to_string();
+        assert!(refusal.contains(name) && refusal.contains("another name"), "{refusal}");
+    }
+}
+
+/// One change to the fixture, and what the refusal must say: the text on the line that it names, its key, the
+/// value found, and what would be right.
+struct Case {
+    change: (&'static str, &'static str),
+    line: &'static str,
+    key: &'static str,
+    value: &'static str,
+    expected: &'static str,
+}
+
+#[rustfmt::skip]
+const CASES: &[Case] = &[
+    // Numbers.
+    Case { change: ("- 2.5e-06", "- .nan"), line: "- .nan", key: "West.Src_0.B_Coeff[0]", value: ".nan", expected: "a finite number" },
+    Case { change: ("- 2.5e-06", "- -.Inf"), line: "- -.Inf", key: "West.Src_0.B_Coeff[0]", value: "-.Inf", expected: "a finite number" },
+    Case { change: ("- 2.5e-06", "- 1e999"), line: "- 1e999", key: "West.Src_0.B_Coeff[0]", value: "1e999", expected: "a finite number" },
+    Case { change: ("- -1.25e-07", "- 1.25e-07 T"), line: "1.25e-07 T", key: "West.Src_0.B_Coeff[1]", value: "1.25e-07 T", expected: "a number" },
+    Case { change: ("- 2.5e-06", "- \"2.5e-06\""), line: "\"2.5e-06\"", key: "West.Src_0.B_Coeff[0]", value: "\"2.5e-06\"", expected: "a number" },
+    Case { change: ("- 2.5e-06", "-"), line: "      -\n", key: "West.Src_0.B_Coeff[0]", value: "nothing", expected: "a number" },
+    // Counts.
+    Case { change: ("      - 0.004\n", ""), line: "    Source_Position:", key: "West.Src_0.Source_Position", value: "2 numbers", expected: "three numbers" },
+    Case { change: ("[[0.0], [0.0], [-2.0]]", "[[0.0], [0.0], [-2.0], [1.0]]"), line: "[-2.0], [1.0]", key: "Below.Src_0.Source_Direction", value: "4 numbers", expected: "three numbers" },
+    Case { change: ("[[0.0], [0.0], [-2.0]]", "[[0.0, 1.0], [0.0], [-2.0]]"), line: "[[0.0, 1.0]", key: "Below.Src_0.Source_Direction[0]", value: "a sequence of 2", expected: "a number" },
+    Case { change: ("[[0.0], [0.0], [-2.0]]", "[0.0, 0.0, 0.0]"), line: "[0.0, 0.0, 0.0]", key: "Below.Src_0.Source_Direction", value: "[0.0, 0.0, 0.0]", expected: "other than zero" },
+    Case { change: ("    - -0.01\n    - 0.02\n", "    - -0.01\n"), line: "    - -0.01\n", key: "Workspace_Dimensions[2]", value: "a sequence of 1", expected: "two numbers" },
+    Case { change: ("  -\n    - -0.01\n    - 0.02\n", ""), line: "Workspace_Dimensions", key: "Workspace_Dimensions", value: "a sequence of 2", expected: "three pairs" },
+    Case { change: ("    - -0.01\n    - 0.02\n", "    - 0.02\n    - -0.01\n"), line: "    - 0.02\n    - -0.01", key: "Workspace_Dimensions[2]", value: "from 0.02 to -0.01", expected: "the least number first" },
+    // Keys and names.
+    Case { change: ("System_Name: \"three coils\"\n", ""), line: "Coil_List", key: "System_Name", value: "missing", expected: "given" },
+    Case { change: ("    A_Coeff: ~\n", ""), line: "  Src_0:\n", key: "West.Src_0.A_Coeff", value: "missing", expected: "given" },
+    Case { change: ("    A_Coeff: ~\n", "    A_Coef: ~\n"), line: "A_Coef: ~", key: "West.Src_0.A_Coef", value: "unknown", expected: "A_Coeff, B_Coeff" },
+    Case { change: ("System_Name", "Units: m\nSystem_Name"), line: "Units: m", key: "Units", value: "unknown", expected: "or a name of Coil_List" },
+    Case { change: ("  - Below\n", ""), line: "Below:", key: "Below", value: "unknown", expected: "a name of Coil_List" },
+    Case { change: ("  - South\n", "  - South\n  - North\n"), line: "Coil_List", key: "North", value: "missing", expected: "given" },
+    Case { change: ("  - South\n", "  - South\n  - West\n"), line: "  - West\nWest:", key: "Coil_List[3]", value: "West again", expected: "listed once" },
+    Case { change: ("  Source_List: [Src_0]", "  Source_List: []"), line: "Source_List: []", key: "Below.Source_List", value: "without a source", expected: "one or more sources" },
+    Case { change: ("South:\n", "West:\n"), line: "West:\n  Source_List: [Only]", key: "West", value: "given before, on line 7", expected: "given once" },
+    Case { change: ("Coil_List:\n  - West\n  - Below\n  - South\n", "Coil_List: ~\n"), line: "Coil_List", key: "Coil_List", value: "~", expected: "a sequence of names" },
+    // YAML beyond what calibrations need.
+    Case { change: ("    A_Coeff: ~\n", "    A_Coeff: !!opencv-matrix {}\n"), line: "opencv-matrix", key: "YAML", value: "opencv-matrix", expected: "without tags" },
+    Case { change: ("- 2.5e-06", "- !!float 2.5e-06"), line: "!!float", key: "YAML", value: "float", expected: "without tags" },
+    Case { change: ("- 2.5e-06", "- &b 2.5e-06"), line: "&b", key: "YAML", value: "an anchor", expected: "without anchors" },
+    Case { change: ("  Source_List: [Only]", "  Source_List: [Only]\n  ? [a, b]\n  : 1"), line: "[a, b]", key: "YAML", value: "a sequence of 2", expected: "a name before the colon" },
+    Case { change: ("South:\n", "---\nSouth:\n"), line: "---\nSouth", key: "file", value: "a second document", expected: "one document" },
+    Case { change: ("# A calibration", "%YAML:1.0\n# A calibration"), line: "%YAML", key: "file", value: "%YAML:1.0", expected: "OpenCV" },
+    Case { change: ("[0.1, 0.9, 0.2]", "[[[[[[[[[[[[[[[[[0.1]]]]]]]]]]]]]]]]]"), line: "[[[[[[", key: "YAML", value: "levels", expected: "five levels" },
+    // What our array cannot have.
+    Case { change: ("  Source_List: [Only]\n", "  Source_List: [Only, More]\n  More: {A_Coeff: ~, B_Coeff: [1.0e-9], Source_Direction: [0, 1, 0], Source_Position: [0, -0.1, 0]}\n"), line: "South:\n", key: "South.Source_List", value: "2 sources (Only, More)", expected: "one source" },
+    Case { change: ("A_Coeff: [0.0, 0.0]", "A_Coeff: [0.0, 1.0e-4]"), line: "  Only:", key: "South.Only.A_Coeff", value: "of order 2", expected: "empty or zero" },
+    Case { change: ("B_Coeff: [-1.8e-6]", "B_Coeff: [1e-6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1e-19]"), line: "  Only:", key: "South.Only.B_Coeff", value: "of order 11", expected: "1 to 10" },
+    Case { change: ("B_Coeff: [-1.8e-6]", "B_Coeff: [0.0]"), line: "  Only:", key: "South.Only.B_Coeff", value: "without a term", expected: "1 to 10" },
+    Case { change: ("South", "South_Offset"), line: "South_Offset:", key: "South_Offset", value: "without currents", expected: "left out" },
+    Case { change: ("Source_Direction: [0.1, 0.9, 0.2]", "Source_Direction: [0.9, 0.1, 0.0]"), line: "  Only:", key: "South.Only.Source_Position", value: "behind it", expected: "in front of it" },
+    // Units.
+    Case { change: ("    - -0.02\n    - 0.03\n", "    - -20.0\n    - 30.0\n"), line: "    - -20.0\n", key: "Workspace_Dimensions[1]", value: "from -20 to 30", expected: "in m, not in mm" },
+    Case { change: ("[0.0, -0.09, 0.0]", "[0.0, -90.0, 0.0]"), line: "  Only:", key: "South.Only.Source_Position", value: "90.0", expected: "in m, not in mm" },
+    Case { change: ("B_Coeff: [-1.8e-6]", "B_Coeff: [-1.8e-3]"), line: "  Only:", key: "South.Only.B_Coeff", value: "T/A at the workspace's centre", expected: "in m, A and T" },
+    Case { change: ("B_Coeff: [-1.8e-6]", "B_Coeff: [-1.8e-10]"), line: "  Only:", key: "South.Only.B_Coeff", value: "T/A at the workspace's centre", expected: "in m, A and T" },
+];
+
+#[test]
+fn every_mistake_is_refused_with_line_key_value_and_what_would_be_right() {
+    let mut wrong = Vec::new();
+    for Case { change, line, key, value, expected } in CASES {
+        assert!(FIXTURE.contains(change.0), "{}: not in the fixture", change.0);
+        // A coil is renamed wherever it stands.
+        let count = if change.0 == "South" { usize::MAX } else { 1 };
+        let text = FIXTURE.replacen(change.0, change.1, count);
+        let found = read(text.as_bytes()).and_then(|calibration| placed_coils(&calibration));
+        let refusal = found.expect_err(change.1);
+        let at = text[..text.find(line).unwrap()].matches('\n').count() + 1;
+        if refusal.line != at
+            || refusal.column != *key
+            || !refusal.value.contains(value)
+            || !refusal.expected.contains(expected)
+        {
+            wrong.push(format!("{at}: {key}: {value}: {expected}: is {refusal}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Goal: wherever the file is cut, it is refused at a line that it has, or says that its last line has no end.
+#[test]
+fn a_file_that_was_cut_is_never_taken_for_whole() {
+    for cut in 0..FIXTURE.len() - 1 {
+        let text = &FIXTURE[..cut];
+        match read(text.as_bytes()) {
+            Ok(calibration) => assert!(!calibration.ends_with_line_end, "cut after {cut} bytes"),
+            Err(refusal) => {
+                let lines = text.matches('\n').count() + 1;
+                assert!((1..=lines).contains(&refusal.line), "cut after {cut} bytes: {refusal}");
+            }
+        }
+    }
+}
+
+/// Goal: no bytes whatever make the reader panic, and what it lets through is finite.
+#[test]
+fn spoiled_bytes_are_refused_or_read_as_finite_numbers() {
+    const LETTERS: &[u8] = b"-:[]{}&*!|>'\"%@`#,? \n\t0e.n~\xff";
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for _ in 0..3000 {
+        let mut bytes = FIXTURE.as_bytes().to_vec();
+        for _ in 0..random.random_range(1..4) {
+            let at = random.random_range(0..bytes.len());
+            bytes[at] = LETTERS[random.random_range(0..LETTERS.len())];
+        }
+        let Ok(calibration) = read(&bytes) else { continue };
+        for source in calibration.coils.iter().flat_map(|coil| &coil.sources) {
+            let numbers =
+                source.falling.iter().chain(&source.rising).chain(&source.position).chain(&source.direction);
+            assert!(numbers.into_iter().all(|number| number.is_finite()));
+        }
+        let _ = placed_coils(&calibration);
+    }
+}
