@@ -3,7 +3,7 @@
 
 mod field_support;
 
-use magsteer::magnetics::mpem::{Calibration, PlacedCoil, Source, placed_coils, read, write};
+use magsteer::magnetics::mpem::{Calibration, CoilSources, PlacedCoil, Source, placed_coils, read, write};
 use magsteer::magnetics::{CoilArray, CoilPose, Multipole};
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
@@ -24,12 +24,15 @@ fn legendre(n: usize, c: f64) -> f64 {
     now
 }
 
-/// The potential of a source's falling terms, as the format defines it: `sum_n B_n r^-(n+1) P_n(cos)`.
+/// The potential of a source, as the format defines it: `sum_n (A_n r^n + B_n r^-(n+1)) P_n(cos)`.
 fn potential(source: &Source, point: &Vector3<f64>) -> f64 {
     let d = point - source.position;
     let (r, c) = (d.norm(), d.normalize().dot(&source.direction));
-    let terms = source.falling.iter().enumerate();
-    terms.map(|(index, b)| b * r.powi(-(index as i32 + 2)) * legendre(index + 1, c)).sum()
+    let falling = source.falling.iter().enumerate();
+    let falling = falling.map(|(index, b)| b * r.powi(-(index as i32 + 2)) * legendre(index + 1, c));
+    let rising = source.rising.iter().enumerate();
+    let rising = rising.map(|(index, a)| a * r.powi(index as i32 + 1) * legendre(index + 1, c));
+    falling.chain(rising).sum()
 }
 
 /// `-grad Phi` by central differences of the fourth order.
@@ -83,6 +86,31 @@ fn the_series_is_minus_the_gradient_of_the_potential() {
             assert!(error < 1e-8, "order {order}: {found} instead of {expected}: {error:e}");
         }
     }
+}
+
+/// Goal: the field of a source as the file has it, rising terms and orders beyond ours included, is the same
+/// gradient; and without rising terms it is that of our series.
+#[test]
+fn the_field_of_a_source_is_minus_the_gradient_of_its_potential() {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    for order in 1..=12 {
+        for _ in 0..10 {
+            let mut source = source(&mut random, order);
+            let point = source.position + direction(&mut random) * random.random_range(0.08..0.3);
+            if order <= 10 {
+                let (found, expected) = (source.field(&point), series_field(&source, &point));
+                assert!((found - expected).norm() < 1e-12 * expected.norm(), "order {order}");
+            }
+            source.rising = (1..=order)
+                .map(|n| 1e-3 * 0.1_f64.powi(1 - n as i32) * random.random_range(0.2..1.0))
+                .collect();
+            let (found, expected) = (source.field(&point), differences(&source, &point));
+            let error = (found - expected).norm() / expected.norm();
+            assert!(error < 1e-8, "order {order}: {found} instead of {expected}: {error:e}");
+        }
+    }
+    let uniform = Source { rising: vec![1e-3], falling: vec![], ..source(&mut random, 1) };
+    assert!((uniform.field(&uniform.position) + uniform.direction * 1e-3).norm() < 1e-18);
 }
 
 /// Goal: the first coefficient is `mu_0 m / 4 pi` of a dipole along the direction, sign included.
@@ -342,4 +370,124 @@ fn spoiled_bytes_are_refused_or_read_as_finite_numbers() {
         }
         let _ = placed_coils(&calibration);
     }
+}
+
+/// One coil of some dipoles (position, moment) before a box of 40 mm about the origin.
+fn dipoles(placed: &[(Vector3<f64>, Vector3<f64>)]) -> Calibration {
+    let source = |(index, (position, moment)): (usize, &(Vector3<f64>, Vector3<f64>))| Source {
+        name: format!("Src_{index}"),
+        line: 0,
+        position: *position,
+        direction: moment.normalize(),
+        rising: Vec::new(),
+        falling: vec![moment.norm()],
+    };
+    let sources = placed.iter().enumerate().map(source).collect();
+    Calibration {
+        name: "dipoles".to_owned(),
+        workspace: [[-0.02, 0.02]; 3],
+        coils: vec![CoilSources { name: "Coil_0".to_owned(), line: 7, sources }],
+        background: None,
+        ends_with_line_end: true,
+    }
+}
+
+fn one_source(calibration: &Calibration) -> (Calibration, f64) {
+    let (found, substitutes) =
+        calibration.with_one_source_each(1.0).unwrap_or_else(|refusal| panic!("{refusal}"));
+    let [substitute] = substitutes.as_slice() else { panic!("{substitutes:?}") };
+    assert_eq!(substitute.source_count, calibration.coils[0].sources.len());
+    (found, substitute.left)
+}
+
+/// Part of the field that `found` leaves at random points of the box.
+fn left_at_random(found: &Calibration, calibration: &Calibration) -> f64 {
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    let mut sums = [0.0; 2];
+    for _ in 0..500 {
+        let point = Vector3::from_fn(|_, _| random.random_range(-0.02..0.02));
+        let expected = calibration.coils[0].field(&point);
+        sums[0] += (found.coils[0].field(&point) - expected).norm_squared();
+        sums[1] += expected.norm_squared();
+    }
+    (sums[0] / sums[1]).sqrt()
+}
+
+/// Goal: parts of one dipole at one place are found to be that dipole.
+#[test]
+fn parts_of_one_dipole_are_that_dipole() {
+    let (place, moment) = (vector(-0.11, 0.02, 0.05), vector(2e-6, -3e-7, -8e-7));
+    let calibration = dipoles(&[(place, moment * 0.3), (place, moment * -0.5), (place, moment * 1.2)]);
+    let (found, left) = one_source(&calibration);
+    assert!(left < 1e-6, "{left:e}");
+    let [source] = found.coils[0].sources.as_slice() else { panic!("{found:?}") };
+    assert!((source.position - place).norm() < 1e-6, "{}", source.position);
+    assert!((source.direction * source.falling[0] - moment).norm() < 1e-5 * moment.norm(), "{source:?}");
+    assert_eq!(placed_coils(&found).unwrap()[0].coefficients.len(), 1);
+}
+
+/// Goal: a coil as a ring of dipoles, which is the same all round its axis but for the number of dipoles, is
+/// one series; and what is said to be left is what is left at other points than those of the fit.
+#[test]
+fn a_ring_of_dipoles_is_one_series() {
+    let axis = vector(0.8, 0.0, 0.6);
+    let (first, second) = (vector(0.0, 1.0, 0.0), vector(-0.6, 0.0, 0.8));
+    let ring = |radius: f64| {
+        let place = move |index: usize| {
+            let angle = std::f64::consts::TAU * index as f64 / 12.0;
+            (axis * -0.12 + (first * angle.cos() + second * angle.sin()) * radius, axis * 3e-7)
+        };
+        dipoles(&(0..12).map(place).collect::<Vec<_>>())
+    };
+    let (found, left) = one_source(&ring(0.04));
+    assert!(left < 1e-4, "{left:e}");
+    assert!(left_at_random(&found, &ring(0.04)) < 1e-4);
+    let source = &found.coils[0].sources[0];
+    assert!(source.direction.dot(&axis).abs() > 1.0 - 1e-9, "{}", source.direction);
+    assert!(source.falling.len() > 1, "a ring is more than a dipole: {source:?}");
+}
+
+/// Goal: what is left of a field without an axis is told as it is, does not depend on how the world is turned,
+/// and is no more than what the nearest dipole at a plausible place leaves.
+#[test]
+fn what_is_left_of_a_field_without_an_axis_is_told() {
+    let placed = [
+        (vector(-0.10, 0.03, 0.01), vector(2e-6, 0.0, 3e-7)),
+        (vector(-0.09, -0.05, 0.02), vector(1e-6, 8e-7, 0.0)),
+        (vector(-0.02, 0.02, -0.11), vector(2e-7, 1e-7, 6e-7)),
+    ];
+    let calibration = dipoles(&placed);
+    let (found, left) = one_source(&calibration);
+    assert!((0.005..0.2).contains(&left), "{left}");
+    let elsewhere = left_at_random(&found, &calibration);
+    // The grid of the fit reaches to the corners, where most is left.
+    assert!((0.3 * left..1.05 * left).contains(&elsewhere), "{elsewhere} {left}");
+    let turned = |v: &Vector3<f64>| vector(v.y, v.z, v.x);
+    let turned = dipoles(&placed.map(|(place, moment)| (turned(&place), turned(&moment))));
+    let (_, left_turned) = one_source(&turned);
+    assert!((left_turned - left).abs() < 0.02 * left, "{left_turned} {left}");
+    let refusal = calibration.with_one_source_each(0.5 * left).unwrap_err();
+    assert_eq!((refusal.line, refusal.column.as_str()), (7, "Coil_0"));
+    assert!(refusal.value.contains("in place of 3"), "{refusal}");
+}
+
+#[test]
+fn a_single_source_stays_as_it_is() {
+    let (calibration, _) = fixture();
+    let (found, substitutes) = calibration.with_one_source_each(0.01).unwrap();
+    assert_eq!(found, calibration);
+    assert_eq!(substitutes, []);
+}
+
+#[test]
+fn sources_without_a_field_that_falls_off_are_refused() {
+    let mut calibration = dipoles(&[(vector(0.1, 0.0, 0.0), vector(1e-6, 0.0, 0.0)); 2]);
+    calibration.coils[0].sources[1] = calibration.coils[0].sources[0].turned_round();
+    calibration.coils[0].sources[1].falling[0] *= -1.0;
+    let refusal = calibration.with_one_source_each(1.0).unwrap_err();
+    assert!(refusal.value.contains("without a finite field"), "{refusal}");
+    // A grid point of the fit is a source.
+    let calibration = dipoles(&[(vector(0.02, 0.02, 0.02), vector(1e-6, 0.0, 0.0)); 2]);
+    let refusal = calibration.with_one_source_each(1.0).unwrap_err();
+    assert!(refusal.value.contains("without a finite field"), "{refusal}");
 }

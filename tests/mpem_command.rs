@@ -178,3 +178,41 @@ fn refusals_name_the_file_and_end_with_their_codes() {
     expect(&output, 0);
     assert!(complaint(&output).contains("South_Offset, is left out"), "{output:?}");
 }
+
+/// Goal: a file with several sources a coil, as most are, is refused unless one source may stand for them; then
+/// what that leaves is told and written down.
+#[test]
+fn several_sources_become_one_when_asked_for() {
+    let folder = TempDir::new().unwrap();
+    let (path, out) = (folder.path().join("several.yaml"), folder.path().join("coils.toml"));
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(FIXTURE)).unwrap();
+    let more = "  Source_List: [Only, More]\n  More: {A_Coeff: ~, B_Coeff: [4.0e-7], Source_Direction: [0.3, 0.9, 0], Source_Position: [0.02, -0.1, 0]}\n";
+    fs::write(&path, text.replace("  Source_List: [Only]\n", more)).unwrap();
+    let output = field(&["import", path.to_str().unwrap()]);
+    expect(&output, 65);
+    let words = complaint(&output);
+    assert!(words.contains("South.Source_List: 2 sources (Only, More): must be one source"), "{words}");
+    assert!(words.contains("--one-source-within-percent"), "{words}");
+    let within = |percent: &str| {
+        let out = out.to_str().unwrap();
+        field(&[
+            "import",
+            path.to_str().unwrap(),
+            "--one-source-within-percent",
+            percent,
+            "--out",
+            out,
+            "--json",
+        ])
+    };
+    expect(&within("0.001"), 65);
+    let output = within("10");
+    expect(&output, 0);
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(answer["coils"][0]["left_percent"], Value::Null);
+    let left = answer["coils"][2]["left_percent"].as_f64().unwrap();
+    assert!((0.001..10.0).contains(&left), "{left}");
+    let told = format!("South: one source in place of 2 leaves {left:.2} % of the calibrated field");
+    assert!(complaint(&output).contains(&told), "{output:?}");
+    assert!(fs::read_to_string(&out).unwrap().contains(&told));
+}

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use magsteer::config::Config;
-use magsteer::magnetics::mpem::{Calibration, PlacedCoil, placed_coils, read};
+use magsteer::magnetics::mpem::{Calibration, PlacedCoil, Substitute, placed_coils, read};
 use serde::Serialize;
 
 use super::import_text::{self, Origin};
@@ -18,14 +18,15 @@ use crate::cli::overlay::path_from;
 ///
 /// Reads what the package mpem of Tesla (mag_manip) writes: Coil_List, and for each coil its source with
 /// position (m), direction and coefficients (T m^(n+2) / A). A coil must have one source with falling terms
-/// (B_Coeff) alone, of order 1 to 10. Such a file says nothing of currents and circuits: they are taken
+/// (B_Coeff) alone, of order 1 to 10, unless `--one-source-within-percent` takes one in place of others. Such a file says nothing of currents and circuits: they are taken
 /// from a coil type of `--config`.
 /// Ends with 0; 1 when the file written is no right configuration yet; 65 when the calibration is refused,
 /// with line, key, value and what would be right.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  magsteer field import tests/reference/calibration.yaml\n  \
-    magsteer field import calibration.yaml --config config/bigmag-planar.toml --coil-type iron --out my-rig.toml\n\n\
-    JSON: name, coils[].{name, order, coefficients (per ampere, SI), position_m, axis, valid_from_x_mm, field_at_center_t_per_a}, files.")]
+    magsteer field import calibration.yaml --config config/bigmag-planar.toml --coil-type iron --out my-rig.toml\n  \
+    magsteer field import octomag.yaml --one-source-within-percent 5 --out coils.toml\n\n\
+    JSON: name, coils[].{name, order, coefficients (per ampere, SI), position_m, axis, valid_from_x_mm, field_at_center_t_per_a, left_percent}, files.")]
 pub struct Import {
     /// Calibration (YAML).
     #[arg(value_name = "FILE.yaml")]
@@ -40,6 +41,10 @@ pub struct Import {
     /// calibrated workspace comes to it.
     #[arg(long, value_name = "MM", value_parser = positive)]
     valid_from_x_mm: Option<f64>,
+    /// Where a coil has several sources, or rising terms, take the one source that comes nearest to their field in
+    /// the calibrated box; refuse when it leaves more than this part of it, RMS, percent.
+    #[arg(long, value_name = "PERCENT", value_parser = positive)]
+    one_source_within_percent: Option<f64>,
     /// Leave out the field without currents, which a coil named Offset stands for.
     #[arg(long)]
     without_background: bool,
@@ -73,6 +78,13 @@ struct CoilAnswer {
     axis: [f64; 3],
     valid_from_x_mm: f64,
     field_at_center_t_per_a: [f64; 3],
+    /// Part of the field of several sources that the one in their place leaves; null where none was needed.
+    left_percent: Option<f64>,
+}
+
+/// What the one source in place of a coil's several leaves of their field.
+fn left(substitutes: &[Substitute], coil: &PlacedCoil) -> Option<f64> {
+    substitutes.iter().find(|substitute| substitute.coil == coil.name).map(|substitute| substitute.left)
 }
 
 impl Import {
@@ -83,10 +95,32 @@ impl Import {
             data_file::note_cut(&self.file);
         }
         if let Some(background) = calibration.background.take_if(|_| self.without_background) {
-            let name = background.name;
-            output::note(format_args!("note: the field without currents, {name}, is left out"));
+            let strength = background.field(&calibration.center()).norm() * 1e3;
+            output::note(format_args!(
+                "note: the field without currents, {}, is left out: {strength:.3} mT at the centre",
+                background.name
+            ));
         }
-        let coils = placed_coils(&calibration).map_err(|refusal| data_file::refuse(&self.file, &refusal))?;
+        let mut substitutes = Vec::new();
+        if let Some(percent) = self.one_source_within_percent {
+            (calibration, substitutes) = calibration
+                .with_one_source_each(percent / 100.0)
+                .map_err(|refusal| data_file::refuse(&self.file, &refusal))?;
+        }
+        for Substitute { coil, source_count, left } in &substitutes {
+            output::note(format_args!(
+                "note: coil {coil}: one source in place of {source_count} leaves {:.2} % of the calibrated field",
+                100.0 * left
+            ));
+        }
+        let coils = placed_coils(&calibration).map_err(|refusal| {
+            if calibration.coils.iter().any(|coil| coil.sources.len() > 1) {
+                output::note(
+                    "note: --one-source-within-percent PERCENT takes the nearest one source in place of several",
+                );
+            }
+            data_file::refuse(&self.file, &refusal)
+        })?;
         let config = self.config.as_deref().map(Config::load).transpose()?.map(|(_, config)| config);
         let circuit = config.as_ref().map(|config| self.circuit(config)).transpose()?;
         if let Some(config) = &config {
@@ -101,12 +135,14 @@ impl Import {
                 extends: self.config.as_deref().map(|config| path_from(out, config)),
                 circuit,
             };
-            let text = import_text::text(&calibration, &coils, &origin, |coil| self.valid_from_x_mm(coil));
+            let text = import_text::text(&calibration, &coils, &substitutes, &origin, |coil| {
+                self.valid_from_x_mm(coil)
+            });
             data_file::create(out, text.as_bytes())?;
             files.push(out.clone());
             is_right = config.is_none() || loads(out);
         }
-        self.print(calibration, &coils, files)?;
+        self.print(calibration, &coils, &substitutes, files)?;
         Ok(if is_right { Exit::Success } else { Exit::No })
     }
 
@@ -136,6 +172,7 @@ impl Import {
         &self,
         calibration: Calibration,
         coils: &[PlacedCoil],
+        substitutes: &[Substitute],
         files: Vec<PathBuf>,
     ) -> anyhow::Result<()> {
         let coil = |coil: &PlacedCoil| CoilAnswer {
@@ -146,6 +183,7 @@ impl Import {
             axis: coil.pose.axis.into(),
             valid_from_x_mm: self.valid_from_x_mm(coil),
             field_at_center_t_per_a: coil.field_at_center.into(),
+            left_percent: left(substitutes, coil).map(|left| 100.0 * left),
         };
         let answer = Answer { name: calibration.name, coils: coils.iter().map(coil).collect(), files };
         if self.json { output::json(&answer) } else { Ok(output::result(answer.table())?) }
@@ -155,7 +193,7 @@ impl Import {
 impl Answer {
     fn table(&self) -> String {
         let mut text = format!(
-            "{}: {} coils\n{:<24}{:>6}{:>32}{:>26}{:>12}{:>14}\n",
+            "{}: {} coils\n{:<24} {:>5} {:>31} {:>27} {:>11} {:>13}\n",
             self.name,
             self.coils.len(),
             "coil",
@@ -172,7 +210,7 @@ impl Answer {
             };
             let strength = coil.field_at_center_t_per_a.iter().map(|field| field * field).sum::<f64>().sqrt();
             text += &format!(
-                "{:<24}{:>6}{:>32}{:>26}{:>12.1}{:>14.4}\n",
+                "{:<24} {:>5} {:>31} {:>27} {:>11.1} {:>13.4}\n",
                 coil.name,
                 coil.order,
                 row(&coil.position_m, 1e3, 2),

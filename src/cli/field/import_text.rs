@@ -3,7 +3,7 @@
 //! Each coil gets a type of its own and stands where the calibration has it. Tables merge key by key and arrays
 //! replace as a whole, so that the file may extend a configuration, be extended by one, or be pasted into one.
 
-use magsteer::magnetics::mpem::{Calibration, PlacedCoil};
+use magsteer::magnetics::mpem::{Calibration, PlacedCoil, Substitute};
 use magsteer_hal::config::{CoilConfig, CoilTypeConfig};
 
 use crate::cli::overlay::{circuit, coil_entry, key, quoted};
@@ -30,6 +30,7 @@ pub(super) struct Circuit<'a> {
 pub(super) fn text(
     calibration: &Calibration,
     coils: &[PlacedCoil],
+    substitutes: &[Substitute],
     origin: &Origin<'_>,
     valid_from_x_mm: impl Fn(&PlacedCoil) -> f64,
 ) -> String {
@@ -41,6 +42,13 @@ pub(super) fn text(
     );
     for (axis, [least, greatest]) in ["x", "y", "z"].iter().zip(calibration.workspace) {
         text += &format!("# calibrated from {axis} = {:.1} to {:.1} mm\n", least * 1e3, greatest * 1e3);
+    }
+    for Substitute { coil, source_count, left } in substitutes {
+        text += &format!(
+            "# {}: one source in place of {source_count} leaves {:.2} % of the calibrated field (RMS)\n",
+            one_line(coil),
+            100.0 * left
+        );
     }
     match &origin.circuit {
         Some(circuit) => {

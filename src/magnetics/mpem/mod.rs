@@ -39,12 +39,14 @@
 //! - `node`: YAML as a tree that knows its lines, without tags, aliases and keys that stand twice.
 //! - `calibration`: what a file holds; `read`: the tree to it; `write`: it to text.
 //! - `source`: (M1) to (M4); `coils`: sources to coils, and coils to sources.
+//! - `one_source`: one source in place of several, fitted to their field.
 //!
 //! What is absent: files; rising terms and backgrounds in our array, which are refused by name.
 
 mod calibration;
 mod coils;
 mod node;
+mod one_source;
 mod read;
 mod source;
 mod write;
@@ -52,6 +54,7 @@ mod write;
 pub use crate::math::csv::Refusal;
 pub use calibration::{Calibration, CoilSources};
 pub use coils::{PlacedCoil, placed_coils};
+pub use one_source::Substitute;
 pub use read::read;
 pub use source::Source;
 pub use write::write;

@@ -39,6 +39,39 @@ impl Source {
         self.falling.iter().zip(factors()).map(|(b, factor)| b / factor).collect() // (M3)
     }
 
+    /// Field at `point` (m, world) for 1 A, T/A. Not finite at the source itself where it has falling terms.
+    ///
+    /// The gradient of (M1) along `n = d / r` and across, where `grad c = (z - c n) / r`:
+    ///
+    /// - falling: `sum_n B_n r^-(n+2) ((n+1) P_n n - P_n' (z - c n))`
+    /// - rising: `-sum_n A_n r^(n-1) (n P_n n + P_n' (z - c n))`
+    #[must_use]
+    pub fn field(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        let d = point - self.position;
+        let r = d.norm();
+        // At the source itself a rising term of order 1 is `-A_1 z`, whatever the direction.
+        let along = if r > 0.0 { d / r } else { self.direction };
+        let c = along.dot(&self.direction);
+        let across = self.direction - along * c;
+        let mut field = Vector3::zeros();
+        let (mut before, mut polynomial) = (1.0, c);
+        let (mut slope_before, mut slope) = (0.0, 1.0);
+        let (mut rising, mut falling) = (1.0, 1.0 / (r * r * r));
+        for index in 0..self.rising.len().max(self.falling.len()) {
+            let n = (index + 1) as f64;
+            if let Some(b) = self.falling.get(index) {
+                field += (along * ((n + 1.0) * polynomial) - across * slope) * (b * falling); // (M2)
+            }
+            if let Some(a) = self.rising.get(index) {
+                field -= (along * (n * polynomial) + across * slope) * (a * rising); // (M2)
+            }
+            (before, polynomial) = (polynomial, ((2.0 * n + 1.0) * c * polynomial - n * before) / (n + 1.0));
+            (slope_before, slope) = (slope, slope_before + (2.0 * n + 1.0) * before);
+            (rising, falling) = (rising * r, falling / r);
+        }
+        field
+    }
+
     /// The same source with its direction turned round.
     #[must_use]
     pub fn turned_round(&self) -> Self {
