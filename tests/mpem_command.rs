@@ -69,6 +69,8 @@ fn an_imported_calibration_is_a_rig_on_both_sides() {
     let notes = complaint(&output);
     assert!(notes.contains("bottom, top of the configuration turn nothing"), "{notes}");
     assert!(notes.contains("reaches out of the box"), "{notes}");
+    let mut check = Command::new(env!("CARGO_BIN_EXE_magsteer"));
+    expect(&check.arg("check").arg(&out).output().unwrap(), 0);
     let config = load(&out);
     assert_eq!(config.description.coils.len(), 3);
     assert_eq!(config.description.coils[0].current_max, 8.0);
@@ -120,7 +122,8 @@ fn without_a_rig_the_coils_alone_are_written_to_be_extended() {
     assert_eq!(names, ["West", "Below", "South"]);
 }
 
-/// Goal: exported at turned frames and imported again, the shipped array has the same field, to twelve digits.
+/// Goal: exported at turned frames and imported again, the shipped array has the same field, to twelve
+/// digits.
 #[test]
 fn an_exported_array_comes_back_as_it_was() {
     let folder = TempDir::new().unwrap();
@@ -179,8 +182,8 @@ fn refusals_name_the_file_and_end_with_their_codes() {
     assert!(complaint(&output).contains("South_Offset, is left out"), "{output:?}");
 }
 
-/// Goal: a file with several sources a coil, as most are, is refused unless one source may stand for them; then
-/// what that leaves is told and written down.
+/// Goal: a file with several sources a coil, as most are, is refused unless one source may stand for them;
+/// then what that leaves is told and written down.
 #[test]
 fn several_sources_become_one_when_asked_for() {
     let folder = TempDir::new().unwrap();

@@ -15,9 +15,9 @@ use crate::cli::{output, shipped};
 
 /// The coils as a calibration of a multipole electromagnet model (MPEM, YAML).
 ///
-/// Writes what the package mpem of Tesla (mag_manip) reads: coils in the order of their currents, each with one
-/// source where it stands at these frame angles. Coefficients hold each coil's gain. The workspace is the cube
-/// inside the rig's sphere. Limits, circuits and frames are not in that format.
+/// Writes what the package mpem of Tesla (mag_manip) reads: coils in the order of their currents, each with
+/// one source where it stands at these frame angles. Coefficients hold each coil's gain. The workspace is
+/// the cube inside the rig's sphere. Limits, circuits and frames are not in that format.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  magsteer field export config/bigmag-planar.toml --out calibration.yaml\n  \

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use magsteer::config::Config;
+use magsteer::config::{Config, Document};
 use magsteer::magnetics::mpem::{Calibration, PlacedCoil, Substitute, placed_coils, read};
 use serde::Serialize;
 
 use super::import_text::{self, Origin};
 use crate::cli::actuation::finite;
+use crate::cli::check::check;
 use crate::cli::data_file;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::output;
@@ -18,10 +19,10 @@ use crate::cli::overlay::path_from;
 ///
 /// Reads what the package mpem of Tesla (mag_manip) writes: Coil_List, and for each coil its source with
 /// position (m), direction and coefficients (T m^(n+2) / A). A coil must have one source with falling terms
-/// (B_Coeff) alone, of order 1 to 10, unless `--one-source-within-percent` takes one in place of others. Such a file says nothing of currents and circuits: they are taken
-/// from a coil type of `--config`.
-/// Ends with 0; 1 when the file written is no right configuration yet; 65 when the calibration is refused,
-/// with line, key, value and what would be right.
+/// (B_Coeff) alone, of order 1 to 10, unless `--one-source-within-percent` takes one in place of others.
+/// Such a file says nothing of currents and circuits: they are taken from a coil type of `--config`. Ends
+/// with 0; 1 when the file written is no right configuration yet; 65 when the calibration is refused, with
+/// line, key, value and what would be right.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  magsteer field import tests/reference/calibration.yaml\n  \
     magsteer field import calibration.yaml --config config/bigmag-planar.toml --coil-type iron --out my-rig.toml\n  \
@@ -41,8 +42,8 @@ pub struct Import {
     /// calibrated workspace comes to it.
     #[arg(long, value_name = "MM", value_parser = positive)]
     valid_from_x_mm: Option<f64>,
-    /// Where a coil has several sources, or rising terms, take the one source that comes nearest to their field in
-    /// the calibrated box; refuse when it leaves more than this part of it, RMS, percent.
+    /// Where a coil has several sources, or rising terms, take the one source that comes nearest to their
+    /// field in the calibrated box; refuse when it leaves more than this part of it, RMS, percent.
     #[arg(long, value_name = "PERCENT", value_parser = positive)]
     one_source_within_percent: Option<f64>,
     /// Leave out the field without currents, which a coil named Offset stands for.
@@ -121,7 +122,7 @@ impl Import {
             }
             data_file::refuse(&self.file, &refusal)
         })?;
-        let config = self.config.as_deref().map(Config::load).transpose()?.map(|(_, config)| config);
+        let (document, config) = self.config.as_deref().map(Config::load).transpose()?.unzip();
         let circuit = config.as_ref().map(|config| self.circuit(config)).transpose()?;
         if let Some(config) = &config {
             note_surroundings(config, &calibration);
@@ -134,6 +135,7 @@ impl Import {
                 sha256: data_file::sha256(&bytes),
                 extends: self.config.as_deref().map(|config| path_from(out, config)),
                 circuit,
+                has_plant: document.is_some_and(|document| document.has("plant")),
             };
             let text = import_text::text(&calibration, &coils, &substitutes, &origin, |coil| {
                 self.valid_from_x_mm(coil)
@@ -205,7 +207,12 @@ impl Answer {
         );
         for coil in &self.coils {
             let row = |values: &[f64; 3], scale: f64, digits: usize| {
-                let shown = values.map(|value| format!("{:.digits$}", value * scale + 0.0));
+                // What rounds to nothing must not show a sign.
+                let unsigned = |text: String| match text.strip_prefix('-') {
+                    Some(digits) if digits.chars().all(|digit| "0.".contains(digit)) => digits.to_owned(),
+                    _ => text,
+                };
+                let shown = values.map(|value| unsigned(format!("{:.digits$}", value * scale)));
                 format!("({})", shown.join(", "))
             };
             let strength = coil.field_at_center_t_per_a.iter().map(|field| field * field).sum::<f64>().sqrt();
@@ -254,7 +261,7 @@ fn note_surroundings(config: &Config, calibration: &Calibration) {
 
 /// Whether the file written is a right configuration; tells what is wrong with it.
 fn loads(out: &Path) -> bool {
-    let Err(problems) = Config::load(out) else { return true };
+    let Err(problems) = Document::load(out).and_then(|document| check(&document)) else { return true };
     output::note(format_args!("note: {} is no right configuration yet:\n{problems}", out.display()));
     false
 }

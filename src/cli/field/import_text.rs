@@ -1,7 +1,8 @@
 //! Imported coils as a TOML file that a configuration can use.
 //!
-//! Each coil gets a type of its own and stands where the calibration has it. Tables merge key by key and arrays
-//! replace as a whole, so that the file may extend a configuration, be extended by one, or be pasted into one.
+//! Each coil gets a type of its own and stands where the calibration has it. Tables merge key by key and
+//! arrays replace as a whole, so that the file may extend a configuration, be extended by one, or be pasted
+//! into one.
 
 use magsteer::magnetics::mpem::{Calibration, PlacedCoil, Substitute};
 use magsteer_hal::config::{CoilConfig, CoilTypeConfig};
@@ -18,6 +19,8 @@ pub(super) struct Origin<'a> {
     pub extends: Option<String>,
     /// The circuit of every coil.
     pub circuit: Option<Circuit<'a>>,
+    /// Whether what it extends has a simulated plant.
+    pub has_plant: bool,
 }
 
 /// A coil type that others take after.
@@ -70,6 +73,12 @@ pub(super) fn text(
             valid_from_x_mm(coil)
         );
         text += &origin.circuit.as_ref().map_or_else(String::new, |taken| circuit(taken.coil_type));
+    }
+    if origin.has_plant {
+        text += "\n[plant]\ncoupling = [] # none is known between these coils\n";
+        text += "\n[plant.field] # simulated coils are exactly these series\n";
+        text +=
+            &coils.iter().map(|coil| format!("{} = \"multipole\"\n", key(&coil.name))).collect::<String>();
     }
     for coil in coils {
         text += &coil_entry(&CoilConfig {

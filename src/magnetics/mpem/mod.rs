@@ -1,13 +1,15 @@
 //! Calibrations of multipole electromagnet models (MPEM), as other electromagnetic-navigation systems keep
 //! them: read, turned into coils of ours, and written.
 //!
-//! **Problem.** Those systems keep their arrays in YAML files: for each coil one or more *sources*, each with a
-//! position, a direction and coefficients of a scalar potential. Ours are a series a coil along its axis
-//! ([`Multipole`](super::Multipole)). Signs, factorials and units differ, and nothing in such a file says so.
+//! **Problem.** Those systems keep their arrays in YAML files: for each coil one or more *sources*, each
+//! with a position, a direction and coefficients of a scalar potential. Ours are a series a coil along its
+//! axis ([`Multipole`](super::Multipole)). Signs, factorials and units differ, and nothing in such a file
+//! says so.
 //!
-//! **Source.** The model: Petruska, Edelmann, Nelson, "Model-Based Calibration for Magnetic Manipulation", IEEE
-//! Transactions on Magnetics 53(7), 2017. The file and its meaning: class `ElectromagnetCalibration` of the
-//! package `mpem` of Tesla (<https://github.com/ethz-msrl/Tesla_core_public>, folder `mag_control/mpem`).
+//! **Source.** The model: Petruska, Edelmann, Nelson, "Model-Based Calibration for Magnetic Manipulation",
+//! IEEE Transactions on Magnetics 53(7), 2017. The file and its meaning: class `ElectromagnetCalibration` of
+//! the package `mpem` of Tesla (<https://github.com/ethz-msrl/Tesla_core_public>, folder
+//! `mag_control/mpem`).
 //!
 //! # Terms
 //! | symbol | meaning |
@@ -27,8 +29,8 @@
 //! - `Phi = sum_n (A_n r^n + B_n r^-(n+1)) P_n(c)`                                               (M1)
 //! - `B = -grad Phi`, summed over the sources of a coil and times its current                      (M2)
 //!
-//! and our series `B = grad Psi`, `Psi = sum_n a_n d^n/dx^n (1/r) = sum_n a_n (-1)^n n! r^-(n+1) P_n(c)` with x
-//! along the axis. Equal powers of r with `Psi = -Phi` and the axis along `z` give
+//! and our series `B = grad Psi`, `Psi = sum_n a_n d^n/dx^n (1/r) = sum_n a_n (-1)^n n! r^-(n+1) P_n(c)`
+//! with x along the axis. Equal powers of r with `Psi = -Phi` and the axis along `z` give
 //!
 //! - `B_n = (-1)^(n+1) n! a_n`                                                                      (M3)
 //!

@@ -1,19 +1,19 @@
 //! One source in place of several: the series about one axis that comes nearest to the field of a coil's
 //! sources.
 //!
-//! **Problem.** Calibrations seldom have one source a coil: three to eight dipoles that need not stand where the
-//! coil does are usual, since they also take up what iron nearby does to the field. Our array has one series a
-//! coil. What such a series leaves of the calibrated field can only be known by trying.
+//! **Problem.** Calibrations seldom have one source a coil: three to eight dipoles that need not stand where
+//! the coil does are usual, since they also take up what iron nearby does to the field. Our array has one
+//! series a coil. What such a series leaves of the calibrated field can only be known by trying.
 //!
 //! **Terms.** The *samples* are the field of all sources of a coil on a grid that fills the calibrated box;
 //! what is *left* is the RMS norm of the residual over that of the samples.
 //!
-//! **Method.** Coefficients enter linearly and are solved for by QR at every place and direction of the source
-//! (variable projection: Golub, Pereyra, SIAM J. Numer. Anal. 10, 1973); place and direction follow by
-//! Levenberg-Marquardt with differences. The start is the dipole that explains field and slope at the
-//! centre: `|B|` falls as `r^-3`. Order 1 moves the source in all directions; higher ones leave its place on the axis alone,
-//! since moving a series along its axis is what its next term does. The order taken is the lowest whose rest is
-//! within [`ENOUGH`] of the least, or below [`NOTHING`].
+//! **Method.** Coefficients enter linearly and are solved for by QR at every place and direction of the
+//! source (variable projection: Golub, Pereyra, SIAM J. Numer. Anal. 10, 1973); place and direction follow
+//! by Levenberg-Marquardt with differences. The start is the dipole that explains field and slope at the
+//! centre: `|B|` falls as `r^-3`. Order 1 moves the source in all directions; higher ones leave its place on
+//! the axis alone, since moving a series along its axis is what its next term does. The order taken is the
+//! lowest whose rest is within [`ENOUGH`] of the least, or below [`NOTHING`].
 
 use nalgebra::{DMatrix, DVector, Unit, Vector3};
 
@@ -55,7 +55,8 @@ impl Calibration {
     /// source of falling terms are as before.
     ///
     /// # Errors
-    /// A coil of which more is left than `accepted` (a part of 1), or whose sources make no finite field in the box.
+    /// A coil of which more is left than `accepted` (a part of 1), or whose sources make no finite field in
+    /// the box.
     pub fn with_one_source_each(&self, accepted: f64) -> Result<(Self, Vec<Substitute>), Refusal> {
         let mut calibration = self.clone();
         let mut substitutes = Vec::new();

@@ -20,8 +20,8 @@ pub struct Source {
 }
 
 impl Source {
-    /// The source of our series: `coefficients` are `a_n`, n = 1 first, T m^(n+2) / A, about `position` along the
-    /// unit vector `direction`.
+    /// The source of our series: `coefficients` are `a_n`, n = 1 first, T m^(n+2) / A, about `position`
+    /// along the unit vector `direction`.
     #[must_use]
     pub fn of_series(
         name: &str,
