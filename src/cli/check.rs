@@ -114,7 +114,10 @@ impl Check {
 }
 
 /// Every section, the simulated plant's among them where this build has it.
-fn check(document: &Document) -> Result<Config, Problems> {
+///
+/// # Errors
+/// All that is wrong with any of them.
+pub fn check(document: &Document) -> Result<Config, Problems> {
     let checked = Config::from_document(document);
     let plant = check_plant(document, checked.as_ref().ok());
     match checked {

@@ -11,16 +11,24 @@ use sha2::{Digest, Sha256};
 use super::exit::{Exit, Failure};
 use super::output;
 
-/// The bytes of a file.
+/// The bytes of a CSV file.
 ///
 /// # Errors
 /// No such input, when it cannot be read.
 pub fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+    read_as(path, "a CSV file")
+}
+
+/// The bytes of a file; `kind` says what it must be.
+///
+/// # Errors
+/// No such input, when it cannot be read.
+pub fn read_as(path: &Path, kind: &str) -> anyhow::Result<Vec<u8>> {
     fs::read(path).map_err(|error| {
         let reason =
             if error.kind() == ErrorKind::NotFound { "no such file".to_owned() } else { error.to_string() };
         let file = path.display();
-        Failure::with(Exit::NoInput, anyhow!("{file}: cannot be read: {reason}: must be a CSV file"))
+        Failure::with(Exit::NoInput, anyhow!("{file}: cannot be read: {reason}: must be {kind}"))
     })
 }
 

@@ -2,18 +2,26 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use magsteer_hal::config::CoilConfig;
+use magsteer_hal::config::{CoilConfig, CoilTypeConfig};
 
 /// One of `[[coils]]`.
 pub fn coil_entry(coil: &CoilConfig) -> String {
-    let mut text = format!(
-        "\n[[coils]]\nname = {}\ntype = {}\nazimuth_deg = {:?}\nelevation_deg = {:?}\ndistance_mm = {:?}\n",
-        quoted(&coil.name),
-        quoted(&coil.coil_type),
-        coil.azimuth_deg,
-        coil.elevation_deg,
-        coil.distance_mm
-    );
+    let mut text =
+        format!("\n[[coils]]\nname = {}\ntype = {}\n", quoted(&coil.name), quoted(&coil.coil_type));
+    for (key, value) in [
+        ("azimuth_deg", coil.azimuth_deg),
+        ("elevation_deg", coil.elevation_deg),
+        ("distance_mm", coil.distance_mm),
+    ] {
+        if let Some(value) = value {
+            text += &format!("{key} = {value:?}\n");
+        }
+    }
+    for (key, value) in [("position_mm", coil.position_mm), ("axis", coil.axis)] {
+        if let Some(value) = value {
+            text += &format!("{key} = {value:?}\n");
+        }
+    }
     if let Some(frame) = &coil.frame {
         text += &format!("frame = {}\n", quoted(frame));
     }
@@ -21,6 +29,18 @@ pub fn coil_entry(coil: &CoilConfig) -> String {
         text += &format!("gain = {gain:?}\n");
     }
     text
+}
+
+/// The keys of a coil type that are of its circuit.
+pub fn circuit(coil_type: &CoilTypeConfig) -> String {
+    format!(
+        "current_max_a = {:?}\nslew_max_a_per_s = {:?}\nresistance_ohm = {:?}\ninductance_h = {:?}\nsupply_v = {:?}\n",
+        coil_type.current_max_a,
+        coil_type.slew_max_a_per_s,
+        coil_type.resistance_ohm,
+        coil_type.inductance_h,
+        coil_type.supply_v
+    )
 }
 
 /// A text as TOML writes it.

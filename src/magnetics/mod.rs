@@ -7,10 +7,13 @@
 //! - `wrench`: dipoles, and the actuation matrix of eq. (13).
 //! - `affine`: a uniform field and gradient in place of an array.
 //! - [`fit`]: the coils' coefficients from measurements.
+//! - `mpem`: calibrations of multipole electromagnet models, as other systems keep them.
 
 mod affine;
 mod array;
 pub mod fit;
+#[cfg(feature = "mpem")]
+pub mod mpem;
 mod multipole;
 mod sample;
 mod validity;

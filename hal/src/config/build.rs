@@ -9,10 +9,12 @@ use crate::description::{
 use crate::invalid::{Checks, Invalid};
 use crate::message::{COILS_MAX, MAGNETS_MAX, POSE_PARAMETERS_MAX};
 
-use super::rotation::{product, rotation_about_y, rotation_about_z, shortest_rotation_from_z};
+use super::rotation::{
+    product, rotation_about_y, rotation_about_z, rotation_from_x, shortest_rotation_from_z,
+};
 use super::tables::{
-    CoilConfig, CoilTypeConfig, FrameConfig, HardwareConfig, MagnetConfig, ManipulatorConfig, PartConfig,
-    RigConfig, SectionConfig, StiffnessSectionConfig,
+    CoilConfig, CoilPlacement, CoilTypeConfig, FrameConfig, HardwareConfig, MagnetConfig, ManipulatorConfig,
+    PartConfig, RigConfig, SectionConfig, StiffnessSectionConfig,
 };
 
 /// Highest multipole order that both sides evaluate.
@@ -71,11 +73,9 @@ impl HardwareConfig {
     }
 
     fn coil(&self, key: &str, coil: &CoilConfig, checks: &mut Checks) -> Option<CoilDescription> {
-        checks.positive(format!("{key}.distance_mm"), coil.distance_mm);
+        let place = self.place(key, coil, checks);
         let gain = coil.gain.unwrap_or(1.0);
         checks.positive(format!("{key}.gain"), gain);
-        checks.within(format!("{key}.azimuth_deg"), coil.azimuth_deg, -360.0, 360.0);
-        checks.within(format!("{key}.elevation_deg"), coil.elevation_deg, -90.0, 90.0);
         let frame = coil.frame.as_ref().and_then(|name| {
             let found = self.frames.iter().position(|frame| frame.name == *name);
             let names: Vec<&str> = self.frames.iter().map(|frame| frame.name.as_str()).collect();
@@ -88,19 +88,14 @@ impl HardwareConfig {
         let expected = format!("the name of a coil type ({})", names.join(", "));
         checks.require(coil_type.is_some(), format!("{key}.type"), &coil.coil_type, expected);
         let coil_type = coil_type?;
-        let rotation = product(
-            rotation_about_z(coil.azimuth_deg.to_radians()),
-            rotation_about_y(coil.elevation_deg.to_radians()),
-        );
-        let center = self.rig.workspace_center_mm.map(millimetres);
-        let distance = millimetres(coil.distance_mm);
+        let (rotation, position) = place?;
         Some(CoilDescription {
             name: coil.name.clone(),
             coil_type: coil.coil_type.clone(),
             coefficients: coil_type.coefficients_si.iter().map(|coefficient| coefficient * gain).collect(),
             valid_from_x: millimetres(coil_type.valid_from_x_mm),
             rotation,
-            position: [0, 1, 2].map(|row| center[row] - rotation[row][0] * distance),
+            position,
             frame,
             current_max: coil_type.current_max_a,
             slew_max: coil_type.slew_max_a_per_s,
@@ -108,6 +103,41 @@ impl HardwareConfig {
             inductance: coil_type.inductance_h,
             supply_voltage: coil_type.supply_v,
         })
+    }
+
+    /// Rotation and expansion point (m) of a coil at frame angle zero.
+    fn place(&self, key: &str, coil: &CoilConfig, checks: &mut Checks) -> Option<(Rows3, [f64; 3])> {
+        let Some(placement) = coil.placement() else {
+            let given = coil.placement_keys().into_iter().filter(|(_, is_given)| *is_given);
+            let given: Vec<&str> = given.map(|(name, _)| name).collect();
+            let value = if given.is_empty() {
+                "placed by nothing".to_owned()
+            } else {
+                format!("placed by {}", given.join(", "))
+            };
+            let expected = "placed by azimuth_deg, elevation_deg and distance_mm, or by position_mm and axis";
+            checks.require(false, key, value, expected);
+            return None;
+        };
+        match placement {
+            CoilPlacement::Aimed { azimuth_deg, elevation_deg, distance_mm } => {
+                checks.positive(format!("{key}.distance_mm"), distance_mm);
+                checks.within(format!("{key}.azimuth_deg"), azimuth_deg, -360.0, 360.0);
+                checks.within(format!("{key}.elevation_deg"), elevation_deg, -90.0, 90.0);
+                let rotation = product(
+                    rotation_about_z(azimuth_deg.to_radians()),
+                    rotation_about_y(elevation_deg.to_radians()),
+                );
+                let center = self.rig.workspace_center_mm.map(millimetres);
+                let distance = millimetres(distance_mm);
+                Some((rotation, [0, 1, 2].map(|row| center[row] - rotation[row][0] * distance)))
+            }
+            CoilPlacement::Free { position_mm, axis } => {
+                checks.finite(format!("{key}.position_mm"), &position_mm);
+                let axis = unit(&format!("{key}.axis"), axis, checks);
+                Some((rotation_from_x(axis), position_mm.map(millimetres)))
+            }
+        }
     }
 }
 

@@ -12,6 +12,6 @@ mod tests;
 
 pub use build::ORDER_MAX;
 pub use tables::{
-    CoilConfig, CoilTypeConfig, FrameConfig, HardwareConfig, MagnetConfig, ManipulatorConfig, MaterialConfig,
-    PartConfig, RigConfig, SectionConfig, StiffnessSectionConfig,
+    CoilConfig, CoilPlacement, CoilTypeConfig, FrameConfig, HardwareConfig, MagnetConfig, ManipulatorConfig,
+    MaterialConfig, PartConfig, RigConfig, SectionConfig, StiffnessSectionConfig,
 };

@@ -14,6 +14,15 @@ pub(super) fn rotation_about_z(angle: f64) -> Rows3 {
     [[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]
 }
 
+/// The rotation `rotz(azimuth) roty(elevation)` that takes x to the unit vector `axis`; azimuth zero for a
+/// vertical one.
+pub(super) fn rotation_from_x(axis: [f64; 3]) -> Rows3 {
+    let [x, y, z] = axis;
+    let across = x.hypot(y);
+    let (cosine, sine) = if across > 0.0 { (x / across, y / across) } else { (1.0, 0.0) };
+    [[x, -sine, -z * cosine], [y, cosine, -z * sine], [z, 0.0, across]]
+}
+
 /// Rodrigues' formula for the rotation about `z x t` that takes z to `t`; half a turn about x for `t = -z`.
 pub(super) fn shortest_rotation_from_z(t: [f64; 3]) -> Rows3 {
     let [x, y, z] = t;

@@ -77,8 +77,7 @@ pub struct CoilTypeConfig {
     pub supply_v: f64,
 }
 
-/// One of `[[coils]]`: where a coil is. Its axis points from
-/// `R (-distance, 0, 0)` to the workspace centre, `R = rotz(azimuth) roty(elevation)`.
+/// One of `[[coils]]`: where a coil is, in one of two ways ([`CoilPlacement`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoilConfig {
@@ -87,16 +86,70 @@ pub struct CoilConfig {
     /// One of `coil_types`.
     #[serde(rename = "type")]
     pub coil_type: String,
-    /// Rotation about z, deg.
-    pub azimuth_deg: f64,
-    /// Rotation about y, applied first, deg.
-    pub elevation_deg: f64,
+    /// Rotation about z, deg, -360 to 360.
+    pub azimuth_deg: Option<f64>,
+    /// Rotation about y, applied first, deg, -90 to 90.
+    pub elevation_deg: Option<f64>,
     /// Expansion point to the workspace centre, mm, > 0.
-    pub distance_mm: f64,
+    pub distance_mm: Option<f64>,
+    /// Expansion point at frame angle zero, mm, world.
+    pub position_mm: Option<[f64; 3]>,
+    /// Axis at frame angle zero, from the coil towards the workspace, world; normalised here.
+    pub axis: Option<[f64; 3]>,
     /// One of `frames`; absent for a coil fixed to the world.
     pub frame: Option<String>,
     /// Field per ampere over that of its type, > 0; 1 when absent.
     pub gain: Option<f64>,
+}
+
+/// Where a coil is at frame angle zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CoilPlacement {
+    /// Its axis points from `c + R (-distance, 0, 0)` to the workspace centre `c`,
+    /// `R = rotz(azimuth) roty(elevation)`.
+    Aimed {
+        /// Rotation about z, deg.
+        azimuth_deg: f64,
+        /// Rotation about y, applied first, deg.
+        elevation_deg: f64,
+        /// Expansion point to the workspace centre, mm.
+        distance_mm: f64,
+    },
+    /// Anywhere, pointing anywhere.
+    Free {
+        /// Expansion point, mm, world.
+        position_mm: [f64; 3],
+        /// Axis of any length, world.
+        axis: [f64; 3],
+    },
+}
+
+impl CoilConfig {
+    /// The keys that say where the coil is, each with whether it is given.
+    #[must_use]
+    pub fn placement_keys(&self) -> [(&'static str, bool); 5] {
+        [
+            ("azimuth_deg", self.azimuth_deg.is_some()),
+            ("elevation_deg", self.elevation_deg.is_some()),
+            ("distance_mm", self.distance_mm.is_some()),
+            ("position_mm", self.position_mm.is_some()),
+            ("axis", self.axis.is_some()),
+        ]
+    }
+
+    /// Where the coil is; `None` unless all keys of one way are given and none of the other.
+    #[must_use]
+    pub fn placement(&self) -> Option<CoilPlacement> {
+        match (self.azimuth_deg, self.elevation_deg, self.distance_mm, self.position_mm, self.axis) {
+            (Some(azimuth_deg), Some(elevation_deg), Some(distance_mm), None, None) => {
+                Some(CoilPlacement::Aimed { azimuth_deg, elevation_deg, distance_mm })
+            }
+            (None, None, None, Some(position_mm), Some(axis)) => {
+                Some(CoilPlacement::Free { position_mm, axis })
+            }
+            _ => None,
+        }
+    }
 }
 
 /// `[manipulator]`: the clamp and the chain of parts.

@@ -15,9 +15,11 @@ fn sound() -> HardwareConfig {
     let coil = |name: &str, azimuth_deg, elevation_deg, distance_mm, frame: Option<&str>| CoilConfig {
         name: name.to_owned(),
         coil_type: "iron".to_owned(),
-        azimuth_deg,
-        elevation_deg,
-        distance_mm,
+        azimuth_deg: Some(azimuth_deg),
+        elevation_deg: Some(elevation_deg),
+        distance_mm: Some(distance_mm),
+        position_mm: None,
+        axis: None,
         frame: frame.map(str::to_owned),
         gain: None,
     };
@@ -317,14 +319,38 @@ fn mistakes() -> Vec<(Spoil, &'static str)> {
         (|config| coil_type(config).resistance_ohm = 0.0, "coil_types.iron.resistance_ohm = 0: must be"),
         (|config| coil_type(config).inductance_h = 0.0, "coil_types.iron.inductance_h = 0: must be"),
         (|config| coil_type(config).supply_v = -48.0, "coil_types.iron.supply_v = -48: must be"),
-        (|config| config.coils[1].distance_mm = 0.0, "coils[1].distance_mm = 0: must be finite and > 0"),
+        (
+            |config| config.coils[1].distance_mm = Some(0.0),
+            "coils[1].distance_mm = 0: must be finite and > 0",
+        ),
+        (
+            |config| config.coils[1].distance_mm = None,
+            "coils[1] = placed by azimuth_deg, elevation_deg: must be placed by azimuth_deg, elevation_deg and \
+             distance_mm, or by position_mm and axis",
+        ),
+        (
+            |config| config.coils[1].axis = Some([1.0, 0.0, 0.0]),
+            "coils[1] = placed by azimuth_deg, elevation_deg, distance_mm, axis: must be placed by",
+        ),
+        (
+            |config| freely(config, [1.0, 2.0, 3.0], [0.0; 3]),
+            "coils[1].axis = [0.0, 0.0, 0.0]: must be a finite vector other than zero",
+        ),
+        (
+            |config| freely(config, [1.0, 2.0, 3.0], [f64::NAN, 0.0, 1.0]),
+            "coils[1].axis = [NaN, 0.0, 1.0]: must be a finite vector other than zero",
+        ),
+        (
+            |config| freely(config, [f64::INFINITY, 2.0, 3.0], [0.0, 0.0, 1.0]),
+            "coils[1].position_mm = [inf, 2.0, 3.0]",
+        ),
         (|config| config.coils[1].gain = Some(-1.0), "coils[1].gain = -1: must be finite and > 0"),
         (
-            |config| config.coils[0].azimuth_deg = 361.0,
+            |config| config.coils[0].azimuth_deg = Some(361.0),
             "coils[0].azimuth_deg = 361: must be from -360 to 360",
         ),
         (
-            |config| config.coils[0].elevation_deg = 91.0,
+            |config| config.coils[0].elevation_deg = Some(91.0),
             "coils[0].elevation_deg = 91: must be from -90 to 90",
         ),
         (
@@ -423,7 +449,7 @@ fn every_mistake_is_refused_by_key_value_and_what_would_be_right() {
 fn all_mistakes_are_reported_at_once() {
     let mut config = sound();
     config.rig.workspace_diameter_mm = -1.0;
-    config.coils[0].distance_mm = 0.0;
+    config.coils[0].distance_mm = Some(0.0);
     section(&mut config).length_mm = 0.0;
     let keys: Vec<String> =
         config.build().expect_err("three").into_iter().map(|invalid| invalid.key).collect();
@@ -431,6 +457,39 @@ fn all_mistakes_are_reported_at_once() {
         keys,
         ["rig.workspace_diameter_mm", "coils[0].distance_mm", "manipulator.parts[0].section.length_mm"]
     );
+}
+
+/// Places the second coil by its position and axis.
+fn freely(config: &mut HardwareConfig, position_mm: [f64; 3], axis: [f64; 3]) {
+    let coil = &mut config.coils[1];
+    (coil.azimuth_deg, coil.elevation_deg, coil.distance_mm) = (None, None, None);
+    (coil.position_mm, coil.axis) = (Some(position_mm), Some(axis));
+}
+
+/// Goal: a coil aimed at the centre and one placed where it is and along its axis are the same coil, rotation
+/// about the axis too, since errors of the plant's coils are given in their own axes.
+#[test]
+fn both_ways_to_place_a_coil_give_the_same_coil() {
+    for (azimuth_deg, elevation_deg) in
+        [(0.0, 0.0), (180.0, -34.21), (-75.0, 33.0), (0.0, 90.0), (0.0, -90.0), (300.0, 89.0)]
+    {
+        let mut config = sound();
+        config.coils[1].azimuth_deg = Some(azimuth_deg);
+        config.coils[1].elevation_deg = Some(elevation_deg);
+        let aimed = config.build().expect("sound").coils.remove(1);
+        let axis = aimed.rotation.map(|row| 2.5 * row[0]);
+        freely(&mut config, aimed.position.map(|value| value * 1e3), axis);
+        let free = config.build().expect("sound").coils.remove(1);
+        for row in 0..3 {
+            assert!((free.position[row] - aimed.position[row]).abs() < 1e-15, "{free:?}");
+            for column in 0..3 {
+                // A cosine of 90 degrees is 6e-17, which turns the azimuth of a vertical axis by nothing here.
+                let difference = free.rotation[row][column] - aimed.rotation[row][column];
+                assert!(difference.abs() < 1e-15, "{azimuth_deg}, {elevation_deg}: {free:?}");
+            }
+        }
+        assert_eq!(free.frame, aimed.frame);
+    }
 }
 
 #[test]

@@ -3,13 +3,13 @@
 //! For one coil: `[coil_types.NAME]` with the two keys that a fit knows. Tables merge key by key, so that the
 //! file may extend a configuration that has the type, be extended by one, or be pasted into one. For an
 //! array: each coil gets a type of its own, with the circuit of the type it had. Expansion points that moved
-//! change `distance_mm`; arrays replace as a whole, so that all coils are written.
+//! change `distance_mm` or `position_mm`; arrays replace as a whole, so that all coils are written.
 
 use magsteer::magnetics::fit::{CoilFit, FieldFit, FitRequest, Layout, OrderChoice, Refusal};
-use magsteer_hal::config::HardwareConfig;
+use magsteer_hal::config::{CoilConfig, HardwareConfig};
 
 use super::fit::Subject;
-use crate::cli::overlay::{coil_entry, key, quoted};
+use crate::cli::overlay::{self, coil_entry, key, quoted};
 
 /// How the file fits together with others.
 pub(super) struct Names {
@@ -102,16 +102,7 @@ fn series(coil: &CoilFit) -> String {
 /// The circuit of the type that a coil had.
 fn circuit(hardware: &HardwareConfig, coil: usize) -> String {
     let coil_type = hardware.coils.get(coil).and_then(|coil| hardware.coil_types.get(&coil.coil_type));
-    coil_type.map_or_else(String::new, |coil_type| {
-        format!(
-            "current_max_a = {:?}\nslew_max_a_per_s = {:?}\nresistance_ohm = {:?}\ninductance_h = {:?}\nsupply_v = {:?}\n",
-            coil_type.current_max_a,
-            coil_type.slew_max_a_per_s,
-            coil_type.resistance_ohm,
-            coil_type.inductance_h,
-            coil_type.supply_v
-        )
-    })
+    coil_type.map_or_else(String::new, overlay::circuit)
 }
 
 /// Every coil, where a type or a distance changed.
@@ -137,21 +128,32 @@ fn coils(
             found.coils.first().filter(|_| names.coil_types.contains(&coil.coil_type))
         };
         if let Some(fitted) = fitted {
-            // Rounded to a nanometre, so that no digits of rounding are written.
-            coil.distance_mm = ((coil.distance_mm - fitted.origin * 1e3) * 1e6).round() / 1e6;
-        }
-        if coil.distance_mm <= 0.0 {
-            return Err(Refusal {
-                line: 1,
-                column: "rows".to_owned(),
-                value: format!(
-                    "put the expansion point of coil {} at {} mm from the centre",
-                    coil.name, coil.distance_mm
-                ),
-                expected: "in front of the coil: check the positions, or leave out --fit-origin".to_owned(),
-            });
+            move_expansion_point(&mut coil, fitted.origin)?;
         }
         text += &coil_entry(&coil);
     }
     Ok(text)
+}
+
+/// Moves a coil's expansion point by `origin`, m, along its axis.
+fn move_expansion_point(coil: &mut CoilConfig, origin: f64) -> Result<(), Refusal> {
+    // Rounded to a nanometre, so that no digits of rounding are written.
+    let rounded = |value_mm: f64| (value_mm * 1e6).round() / 1e6;
+    if let (Some(position_mm), Some(axis)) = (&mut coil.position_mm, coil.axis) {
+        let norm = axis.iter().map(|component| component * component).sum::<f64>().sqrt();
+        for (position_mm, component) in position_mm.iter_mut().zip(axis) {
+            *position_mm = rounded(*position_mm + origin * 1e3 * component / norm);
+        }
+    }
+    let Some(distance_mm) = &mut coil.distance_mm else { return Ok(()) };
+    *distance_mm = rounded(*distance_mm - origin * 1e3);
+    if *distance_mm > 0.0 {
+        return Ok(());
+    }
+    Err(Refusal {
+        line: 1,
+        column: "rows".to_owned(),
+        value: format!("put the expansion point of coil {} at {distance_mm} mm from the centre", coil.name),
+        expected: "in front of the coil: check the positions, or leave out --fit-origin".to_owned(),
+    })
 }
