@@ -450,7 +450,9 @@ def carry_out(trial, arguments):
     time.sleep(3)
     end(trial.daemon)
     report = trial.recorded("last", ask=False)
-    trial.claim("the desk records the loop's end", report["ended"] == "loop-ended",
+    # The tunnel lets go of a topic whose publisher has ended, be there something in its queue or not: the last of its
+    # looks, 20 ms, can be missing, and then the recorder says so by the way it ended.
+    trial.claim("the desk's recorder ends with the loop", report["ended"] in ("loop-ended", "daemon-gone"),
                 f"{report['cycles']} cycles, {report['lost']} lost, {report['ended']}")
     whole = trial.table("whole")
     for name, report in trial.reports.items():
