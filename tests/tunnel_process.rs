@@ -1,5 +1,6 @@
-//! `magsteer tunnel` as a process, with a stand-in for the transport's tunnel: what a watching machine refuses, and that
-//! neither command leaves anything behind. What passes a real one is tried by `tests/scripts/two_machines.py`.
+//! `magsteer tunnel` as a process, with a stand-in for the transport's tunnel: what a watching machine
+//! refuses, and that neither command leaves anything behind. What passes a real one is tried by
+//! `tests/scripts/two_machines.py`.
 
 mod process_support;
 

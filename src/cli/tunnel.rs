@@ -25,8 +25,9 @@ const SILENCE: Duration = Duration::from_secs(3);
 
 /// Watch and record a rig from another machine.
 ///
-/// The transport's own tunnel, iox2-link-tunnel-zenoh, carries the status and every cycle from the rig's machine to those
-/// that watch. No command passes it: a rig is commanded on its own machine. The loop does not notice.
+/// The transport's own tunnel, iox2-link-tunnel-zenoh, carries the status and every cycle from the rig's
+/// machine to those that watch. No command passes it: a rig is commanded on its own machine. The loop does
+/// not notice.
 #[derive(Debug, Args)]
 #[command(after_help = "Example, by ssh so that nobody else can look:\n  rig$ magsteer tunnel share\n  \
     desk$ ssh -N -L 7447:127.0.0.1:7447 rig &\n  desk$ magsteer tunnel watch &\n  desk$ magsteer top\n\n\
@@ -44,7 +45,8 @@ enum Action {
 
 /// Let other machines watch this machine's rig.
 ///
-/// Whoever reaches the address can watch and record, and can do nothing else. Waits for a daemon that is not there yet.
+/// Whoever reaches the address can watch and record, and can do nothing else. Waits for a daemon that is not
+/// there yet.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  magsteer tunnel share config/bigmag-planar.toml --listen 10.0.0.5:7447")]
 struct Share {
@@ -57,8 +59,9 @@ struct Share {
 
 /// Watch a rig that another machine shares.
 ///
-/// While it runs `status`, `top`, `web` and `record` work here as they do there, with the same configuration file; requests
-/// are refused. Stamps are told by this machine's clock: an age is what came on top of the shortest way here.
+/// While it runs `status`, `top`, `web` and `record` work here as they do there, with the same configuration
+/// file; requests are refused. Stamps are told by this machine's clock: an age is what came on top of the
+/// shortest way here.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  magsteer tunnel watch config/bigmag-planar.toml --connect 10.0.0.5:7447")]
 struct Watch {
@@ -176,7 +179,8 @@ impl Common {
     }
 }
 
-/// Takes this machine's place on the channels, runs the tunnel until told to end, and looks again and again meanwhile.
+/// Takes this machine's place on the channels, runs the tunnel until told to end, and looks again and again
+/// meanwhile.
 fn run<L: FnMut()>(
     endpoint: &Endpoint,
     program: &Path,

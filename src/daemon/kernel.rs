@@ -330,8 +330,9 @@ impl Signals {
         Ok(Self { set })
     }
 
-    /// Does `work` on this thread with the signals let through: a process that it starts inherits the mask, and could
-    /// not be asked to end otherwise. Meant for that alone, since a signal that comes meanwhile acts as if nobody waited for it.
+    /// Does `work` on this thread with the signals let through: a process that it starts inherits the mask, and
+    /// could not be asked to end otherwise. Meant for that alone, since a signal that comes meanwhile acts as
+    /// if nobody waited for it.
     ///
     /// # Errors
     /// When the kernel refuses the mask.

@@ -141,6 +141,8 @@ impl Info {
 
 #[cfg(test)]
 mod tests {
+    use std::time::{SystemTime, UNIX_EPOCH};
+
     use magsteer_hal::scripted::example_description;
 
     use super::Info;
@@ -151,5 +153,19 @@ mod tests {
         info.realtime_missing = true;
         assert_eq!(Info::of_metadata(&info.to_metadata()), info);
         assert!(info.wall_offset_ns > 0 && !info.coils.is_empty());
+    }
+
+    /// Goal: what was recorded of a machine whose clock stands elsewhere bears the time that it was here.
+    #[test]
+    fn stamp_of_another_machine_is_told_by_the_clock_on_this_wall() {
+        let wall_ns =
+            || u64::try_from(SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_nanos());
+        for stamp_ns in [1, 250_000_000_000_000] {
+            let mut info = Info::default();
+            let before = wall_ns().expect("before 2554");
+            info.set_wall_offset(stamp_ns);
+            let after = wall_ns().expect("before 2554");
+            assert!((before..=after).contains(&(stamp_ns + info.wall_offset_ns)), "{}", info.wall_offset_ns);
+        }
     }
 }

@@ -11,11 +11,11 @@ use super::address::Address;
 pub(super) const TRANSPORT_FILE: &str = "config/iceoryx2.toml";
 /// The network's.
 pub(super) const NETWORK_FILE: &str = "zenoh.json5";
-/// Between two looks of the tunnel at the topics. A queue of cycles holds a second of a loop at 1 kHz, one of the
-/// status three.
+/// Between two looks of the tunnel at the topics. A queue of cycles holds a second of a loop at 1 kHz, one of
+/// the status three.
 const POLL_MS: u32 = 20;
-/// How long a message waits for a network that does not take it before it is dropped. While it waits the others
-/// do too, in the queues above.
+/// How long a message waits for a network that does not take it before it is dropped. While it waits the
+/// others do too, in the queues above.
 const NETWORK_WAIT_US: u32 = 100_000;
 /// Buffers of 64 kB on their way into the network; a batch of cycles takes half of one.
 const NETWORK_QUEUE: u32 = 16;
@@ -80,8 +80,8 @@ impl TunnelPlan {
         format!("{text:#}\n")
     }
 
-    /// The network's access rules: data flow from the rig's machine alone. Each side keeps them for itself, so that the
-    /// rig's need not trust the other's.
+    /// The network's access rules: data flow from the rig's machine alone. Each side keeps them for itself,
+    /// so that the rig's need not trust the other's.
     fn access(&self) -> Value {
         let flow = match self.side {
             Side::Share { .. } => "ingress",
@@ -103,7 +103,8 @@ impl TunnelPlan {
         })
     }
 
-    /// The tunnel's arguments, run in the folder of its files. Every topic is named: without a name the tunnel would carry all.
+    /// The tunnel's arguments, run in the folder of its files. Every topic is named: without a name the
+    /// tunnel would carry all.
     #[must_use]
     pub fn arguments(&self) -> Vec<OsString> {
         let poll = POLL_MS.to_string();

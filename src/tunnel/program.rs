@@ -99,8 +99,8 @@ pub struct Tunnel {
 }
 
 impl Tunnel {
-    /// Writes the tunnel's files below the rig's root and starts it there, after ending one that a killed command left
-    /// behind. Only the holder of the rig's tunnel role may call this.
+    /// Writes the tunnel's files below the rig's root and starts it there, after ending one that a killed
+    /// command left behind. Only the holder of the rig's tunnel role may call this.
     ///
     /// # Errors
     /// When its files cannot be written, or it cannot be started.
@@ -164,8 +164,8 @@ fn write_files(folder: &Path, plan: &TunnelPlan) -> io::Result<()> {
     fs::write(folder.join(NETWORK_FILE), plan.network_config())
 }
 
-/// Ends the tunnel of a command that was killed: two of them would carry everything twice. It is known by the folder in
-/// which it runs.
+/// Ends the tunnel of a command that was killed: two of them would carry everything twice. It is known by the
+/// folder in which it runs.
 fn end_left_behind(folder: &Path) {
     let Some(pid) = left_behind(folder) else { return };
     let begin = Instant::now();
@@ -243,8 +243,8 @@ mod tests {
         );
     }
 
-    /// Goal: the child finds its files where it looks for them, and neither it nor they outlive the command; one that a
-    /// killed command left behind is ended by the next.
+    /// Goal: the child finds its files where it looks for them, and neither it nor they outlive the command;
+    /// one that a killed command left behind is ended by the next.
     #[test]
     fn tunnel_runs_beside_its_files_and_ends_with_its_command() {
         let tools = tempfile::tempdir().expect("a folder");

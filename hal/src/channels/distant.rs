@@ -1,13 +1,15 @@
 //! Stamps of a rig on another machine, told by this machine's clock.
 //!
-//! **Problem.** A message's stamps count on the monotonic clock of the machine that made it. That of another machine began
-//! at another moment, and runs a little faster or slower: an age taken across the two says nothing.
+//! **Problem.** A message's stamps count on the monotonic clock of the machine that made it. That of another
+//! machine began at another moment, and runs a little faster or slower: an age taken across the two says
+//! nothing.
 //!
-//! **Method.** A message arrives here later than it was published there, by the way between them and by whatever held it
-//! up. The least difference between arrival here and publication there is the clocks' offset and the shortest way. Stamps
-//! are moved by it: an age is then what came on top of the shortest way, and a message that was held up shows it. So that
-//! clocks which drift apart do not add up to an age, the offset may grow again, at [`DRIFT_MAX`]. After a new start of the
-//! publisher, perhaps of its machine, it is found anew.
+//! **Method.** A message arrives here later than it was published there, by the way between them and by
+//! whatever held it up. The least difference between arrival here and publication there is the clocks' offset
+//! and the shortest way. Stamps are moved by it: an age is then what came on top of the shortest way, and a
+//! message that was held up shows it. So that clocks which drift apart do not add up to an age, the offset
+//! may grow again, at [`DRIFT_MAX`]. After a new start of the publisher, perhaps of its machine, it is found
+//! anew.
 
 use crate::message::Header;
 use crate::time::Stamp;
@@ -32,7 +34,8 @@ struct Known {
 }
 
 impl DistantClock {
-    /// Moves the stamps of a message that arrived at `now` to this machine's clock; none comes to lie in the future.
+    /// Moves the stamps of a message that arrived at `now` to this machine's clock; none comes to lie in the
+    /// future.
     pub(super) fn localise(&mut self, header: &mut Header, now: Stamp) {
         let arrival = i128::from(now.nanoseconds());
         let measured = arrival - i128::from(header.publish_stamp_ns);

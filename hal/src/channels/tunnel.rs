@@ -6,10 +6,11 @@
 //!            (SharedEnd beside it)                               request ──▶ WatchedEnd: refuses
 //! ```
 //!
-//! The tunnel is another program: the transport's own. It carries topics, each as the bytes it is, and neither requests
-//! nor a topic's attributes and settings. Hence on the watching machine a [`WatchedEnd`] makes the topics, as a daemon
-//! would, before the tunnel finds them; it serves requests too, so that whoever commands there is refused with a reason.
-//! That both ends speak of one layout is kept by [`TunnelFacts::schema`], under which alone they are to meet.
+//! The tunnel is another program: the transport's own. It carries topics, each as the bytes it is, and
+//! neither requests nor a topic's attributes and settings. Hence on the watching machine a [`WatchedEnd`]
+//! makes the topics, as a daemon would, before the tunnel finds them; it serves requests too, so that whoever
+//! commands there is refused with a reason. That both ends speak of one layout is kept by
+//! [`TunnelFacts::schema`], under which alone they are to meet.
 //!
 //! What is absent: the daemon's topics with its driver. No tunnel is told of them.
 
@@ -68,8 +69,8 @@ impl TunnelFacts {
     }
 }
 
-/// Held on the rig's machine beside a tunnel: there is one tunnel a rig, and what it makes in shared memory is
-/// closed to other users and swept.
+/// Held on the rig's machine beside a tunnel: there is one tunnel a rig, and what it makes in shared memory
+/// is closed to other users and swept.
 #[derive(Debug)]
 pub struct SharedEnd {
     _membership: Membership,
@@ -89,8 +90,8 @@ impl SharedEnd {
 
 type RequestServer = Server<ipc::Service, OperatorRequest, (), OperatorAnswer, ()>;
 
-/// Held on a machine that watches: in the daemon's place towards operators and viewers, so that no daemon can run
-/// there. Belongs to the thread that made it.
+/// Held on a machine that watches: in the daemon's place towards operators and viewers, so that no daemon can
+/// run there. Belongs to the thread that made it.
 #[derive(Debug)]
 pub struct WatchedEnd {
     request: RequestServer,
@@ -135,8 +136,8 @@ impl WatchedEnd {
         received(&self.request).or_else(|| received(&self.target_set)).map(IncomingRequest::new)
     }
 
-    /// The status that came last, as far as it has arrived, with its stamps told by this machine's clock; `None`
-    /// before the first.
+    /// The status that came last, as far as it has arrived, with its stamps told by this machine's clock;
+    /// `None` before the first.
     pub fn newest_status(&mut self, now: Stamp) -> Option<StatusMessage> {
         let Self { status, clock, newest, .. } = self;
         // What cannot be received is not new.
@@ -232,7 +233,8 @@ mod tests {
     fn shared_rig_is_not_distant_and_is_shared_once() {
         let root = PrivateRoot::create("magsteer-test").expect("a root");
         let endpoint = root.endpoint("rig").expect("a name");
-        // The pid in the lock is what tells the two apart, and here both are this process: another one holds it.
+        // The pid in the lock is what tells the two apart, and here both are this process: another one holds
+        // it.
         let mut child = std::process::Command::new("sleep").arg("60").spawn().expect("a process");
         let lock = root.path().join("rig.tunnel.lock");
         let mut server = OperatorServices::create(&endpoint).expect("free").into_server().expect("joined");
