@@ -4,7 +4,7 @@
     tests/scripts/viewers_beside_loop.py --magsteer target/release/magsteer --config config/bigmag-planar.toml [--pairs 3]
 
 Starts a simulated rig and lets it steer. Turn by turn nobody looks, or `top` in a terminal (tmux), `web` with its page open
-in headless Chromium, `status --watch` and, where it is built in, `bridge foxglove` do. The minute in which viewers come or
+in headless Chromium, `status --watch` and, where it is built in, `bridge foxglove` do, and `record` records. The minute in which viewers come or
 go is left out; of the next one the daemon's own figures are printed. So a run takes four minutes a pair, and whatever else
 the machine does falls on both sides alike. Ends with 1 when the median of p99.9 with viewers is more than 1.1 times that
 without.
@@ -35,7 +35,8 @@ class Viewers:
         url = rig.web()
         rig.start("watch", "status", rig.config, "--watch")
         listed = subprocess.run([rig.magsteer, "--help"], capture_output=True, text=True, check=True).stdout
-        self.others = ["watch", "web"]
+        self.others = ["watch", "web", "record"]
+        rig.start("record", "record", rig.config, "--out", tempfile.mkdtemp(dir=rig.folder))
         if "bridge" in listed:
             rig.start("bridge", "bridge", "foxglove", rig.config, "--bind", "127.0.0.1:0")
             self.others.append("bridge")
