@@ -32,9 +32,10 @@
 
 use magsteer_hal::description::SectionDescription;
 
-use crate::math::{Columnar, Pair, Scalar, Triple};
+use crate::math::{Columnar, Pair, Triple};
 
 use super::state::State;
+use super::variation::Stage;
 
 /// Constants of a section cut into equal steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -285,173 +286,9 @@ pub(super) struct Rates {
     lateral: Triple,
 }
 
-/// Linearisation of the rates at one stage, every number once for each column that travels along.
-/// Each sort of section reads its own part; the compiler drops the rest.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Stage<V> {
-    t_factor: Triple<V>,
-    mu_factor: Triple<V>,
-    nu_factor: Triple<V>,
-    /// By unit forces x, y, z, none.
-    m_by_force: [Triple<V>; 2],
-    p_by_force: [Triple<V>; 2],
-    stretch_nu: Triple<V>,
-    lateral: Triple<V>,
-    t_weight: Triple<V>,
-    sigma_weight: V,
-    t: Triple<V>,
-    d1: Triple<V>,
-    d2: Triple<V>,
-    d1_factor: Triple<V>,
-    twist: V,
-    torsion: V,
-    u1: V,
-    u2: V,
-}
-
-/// Variations of the scaled state, some columns at a time; `p` is three times the travel in half steps.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Column<V> {
-    pub p: Triple<V>,
-    pub t: Triple<V>,
-    pub mu: Triple<V>,
-    pub d1: Triple<V>,
-}
-
-impl<V: Columnar> Column<V> {
-    /// Columns out of pairs of columns; zero past the last.
-    #[inline(always)]
-    pub(super) fn of_pairs<const P: usize>(pairs: [Column<Pair>; P]) -> Self {
-        Self {
-            p: Triple::of_pairs(pairs.map(|pair| pair.p)),
-            t: Triple::of_pairs(pairs.map(|pair| pair.t)),
-            mu: Triple::of_pairs(pairs.map(|pair| pair.mu)),
-            d1: Triple::of_pairs(pairs.map(|pair| pair.d1)),
-        }
-    }
-
-    /// One pair of the columns.
-    #[inline(always)]
-    pub(super) fn pair(&self, index: usize) -> Column<Pair> {
-        Column {
-            p: self.p.pair(index),
-            t: self.t.pair(index),
-            mu: self.mu.pair(index),
-            d1: self.d1.pair(index),
-        }
-    }
-
-    /// The step (r7), linearised. `FORCE` says which of the unit forces x, y, z, none these columns belong to: the first of them (0),
-    /// those after as many as travel together (1), anything else for no force. `FULL` carries the variation of d1.
-    #[inline(always)]
-    pub(super) fn step<const EXTENSIBLE: bool, const FULL: bool, const CURVED: bool, const FORCE: usize>(
-        &mut self,
-        stages: &[Stage<V>; 4],
-    ) {
-        self.stepped::<EXTENSIBLE, FULL>(|y, stage, onto| {
-            let stage = &stages[stage];
-            let (m, p) = if FORCE < 2 {
-                (Some(stage.m_by_force[FORCE]), Some(stage.p_by_force[FORCE]))
-            } else {
-                (None, None)
-            };
-            y.moved::<EXTENSIBLE, FULL, CURVED>(stage, m, p, onto)
-        });
-    }
-
-    /// As [`Self::step`], of columns with a variation of the force of their own at each stage, N.
-    #[inline(always)]
-    pub(super) fn step_under<const EXTENSIBLE: bool, const CURVED: bool>(
-        &mut self,
-        stages: &[Stage<V>; 4],
-        forces: &[Triple<V>; 4],
-    ) {
-        self.stepped::<EXTENSIBLE, true>(|y, stage, onto| {
-            let force = forces[stage];
-            let stage = &stages[stage];
-            let m = by_force(&stage.m_by_force, force);
-            let p = by_force(&stage.p_by_force, force);
-            y.moved::<EXTENSIBLE, true, CURVED>(stage, Some(m), Some(p), onto)
-        });
-    }
-
-    /// The step (r7); `moved(y, stage, onto)` is `onto` and the rates at a variation `y` and a stage, with the rate of travel alone.
-    #[inline(always)]
-    fn stepped<const EXTENSIBLE: bool, const FULL: bool>(
-        &mut self,
-        moved: impl Fn(&Self, usize, &Self) -> Self,
-    ) {
-        let y1 = *self;
-        let y2 = moved(&y1, 0, &y1);
-        let y3 = moved(&y2, 1, &y1);
-        let y4 = moved(&y3, 2, &y1);
-        let third = |a, b, c, d| combine_columns(a, b, c, d);
-        let sum = Self {
-            p: y1.p,
-            t: third(y1.t, y2.t, y3.t, y4.t),
-            mu: third(y1.mu, y2.mu, y3.mu, y4.mu),
-            d1: if FULL { third(y1.d1, y2.d1, y3.d1, y4.d1) } else { y1.d1 },
-        };
-        let y5 = moved(&y4, 3, &sum);
-        let p = if EXTENSIBLE {
-            y1.p + (y2.p + y3.p) + (y4.p + y5.p)
-        } else {
-            let middle = y2.t + y3.t;
-            y1.p + (y1.t + y4.t) + (middle + middle)
-        };
-        *self = Self { p, ..y5 };
-    }
-
-    /// `onto` and the rates (r6), linearised; of the travel the rate alone. `m` and `p` are what a force does.
-    #[inline(always)]
-    fn moved<const EXTENSIBLE: bool, const FULL: bool, const CURVED: bool>(
-        &self,
-        at: &Stage<V>,
-        m: Option<Triple<V>>,
-        p: Option<Triple<V>>,
-        onto: &Self,
-    ) -> Self {
-        let mut moved = Self { p: Triple::default(), d1: onto.d1, ..*self };
-        let mut lateral = None;
-        if EXTENSIBLE {
-            let sigma = at.stretch_nu.dot(self.t);
-            lateral = Some(at.lateral.scaled(sigma));
-            moved.p = at.t_weight.scaled(sigma) + self.t.scaled(at.sigma_weight);
-            if let Some(p) = p {
-                moved.p = moved.p + p;
-            }
-        }
-        moved.mu = plus(plus(onto.mu, m), lateral);
-        moved.mu = at.nu_factor.cross_plus(self.t, moved.mu);
-        moved.t = self.mu.cross_plus(at.t_factor, at.mu_factor.cross_plus(self.t, onto.t));
-        if FULL {
-            let d2 = self.t.cross(at.d1) + at.t.cross(self.d1);
-            let torsion = at.twist * (self.t.dot(at.mu_factor) + at.t_factor.dot(self.mu));
-            moved.d1 = self.mu.cross_plus(at.d1_factor, at.mu_factor.cross_plus(self.d1, onto.d1));
-            moved.d1 = moved.d1 + at.d2.scaled(torsion) + d2.scaled(at.torsion);
-            if CURVED {
-                moved.t = moved.t + self.d1.scaled(at.u2) - d2.scaled(at.u1);
-                moved.d1 = moved.d1 - self.t.scaled(at.u2);
-            }
-        }
-        moved
-    }
-}
-
-#[inline(always)]
-fn plus<V: Scalar>(sum: Triple<V>, more: Option<Triple<V>>) -> Triple<V> {
-    more.map_or(sum, |more| sum + more)
-}
-
 #[inline(always)]
 fn combine(y1: Triple, y2: Triple, y3: Triple, y4: Triple, f4: Triple) -> Triple {
     ((y2 + y3) + (y3 + y4) - y1 + f4).scaled(1.0 / 3.0) // (r7)
-}
-
-/// As [`combine`], without the last rate: that has its third already.
-#[inline(always)]
-fn combine_columns<V: Columnar>(y1: Triple<V>, y2: Triple<V>, y3: Triple<V>, y4: Triple<V>) -> Triple<V> {
-    ((y2 + y3) + (y3 + y4) - y1).scaled(V::splat(1.0 / 3.0))
 }
 
 /// `factor e_k x t` for the three unit vectors.
@@ -464,16 +301,6 @@ fn units_cross(t: Triple, factor: f64) -> [Triple; 3] {
 #[inline(always)]
 fn diagonal(entry: f64) -> [Triple; 3] {
     [Triple::new(entry, 0.0, 0.0), Triple::new(0.0, entry, 0.0), Triple::new(0.0, 0.0, entry)]
-}
-
-/// What a force does, by what unit forces do.
-#[inline(always)]
-fn by_force<V: Columnar>(unit_forces: &[Triple<V>; 2], force: Triple<V>) -> Triple<V> {
-    let column = |axis: usize| {
-        let Triple { x, y, z } = unit_forces[axis / (2 * V::PAIRS)].pair(axis / 2 % V::PAIRS);
-        Triple::new(x.lane(axis % 2), y.lane(axis % 2), z.lane(axis % 2)).in_all::<V>()
-    };
-    column(0).scaled(force.x) + column(1).scaled(force.y) + column(2).scaled(force.z)
 }
 
 /// The columns x, y, z, none.

@@ -16,8 +16,9 @@
 
 use crate::math::{Columnar, Lanes, Pair, Scalar, Triple};
 
-use super::section::{Column, Node, Section};
+use super::section::{Node, Section};
 use super::state::{Frame, State};
+use super::variation::Column;
 
 /// Pairs of columns of a transition from the clamp: by force and moment.
 pub const PAIRS_CLAMPED: usize = 3;
