@@ -118,14 +118,15 @@ fn draws(campaign: &CampaignRuns) -> Option<Sheet> {
     // Where runs stand of which no step was judged.
     let above = 1.8 * judged.fold(LEAST_ERROR_DEG, f64::max);
     let charts = campaign.columns.drawn.iter().enumerate().map(|(index, key)| {
+        let (label, factor) = shown(key);
         let traces = RunOutcome::ALL.map(|outcome| {
             let points = campaign.with(outcome).filter_map(|row| {
-                Some((*row.drawn.get(index)?, row.rms_max_deg.unwrap_or(above).max(LEAST_ERROR_DEG)))
+                Some((factor * row.drawn.get(index)?, row.rms_max_deg.unwrap_or(above).max(LEAST_ERROR_DEG)))
             });
             Trace::new(outcome.name(), Look::Dots(index_of(outcome)), points.collect())
         });
         Chart {
-            x: Axis::new(label(key)),
+            x: Axis::new(label),
             y: Axis::new("error (deg)").logarithmic(),
             traces: traces.into_iter().filter(|trace| !trace.points.is_empty()).collect(),
             ..Chart::default()
@@ -188,24 +189,23 @@ fn index_of(outcome: RunOutcome) -> usize {
     }
 }
 
-/// The last part of a key, its unit in brackets.
-pub fn label(key: &str) -> String {
+/// The last part of a key with its unit in brackets, and the factor to that unit: shares are shown in percent.
+pub fn shown(key: &str) -> (String, f64) {
     let last = key.rsplit('.').next().unwrap_or(key);
-    let (name, unit) = match last.rsplit_once('_') {
-        Some((name, unit @ ("deg" | "mm" | "ms" | "us" | "hz" | "a" | "relative"))) => (name, Some(unit)),
-        _ => (last, None),
-    };
-    let unit = unit.map(|unit| {
-        if unit == "hz" {
-            "Hz"
-        } else if unit == "a" {
-            "A"
-        } else {
-            unit
+    let units = [
+        ("_relative", "%", 100.0),
+        ("_deg", "deg", 1.0),
+        ("_mm", "mm", 1.0),
+        ("_ms", "ms", 1.0),
+        ("_us", "us", 1.0),
+        ("_hz", "Hz", 1.0),
+    ];
+    for (end, unit, factor) in units {
+        if let Some(name) = last.strip_suffix(end) {
+            return (format!("{} ({unit})", name.replace('_', " ")), factor);
         }
-    });
-    let name = name.replace('_', " ");
-    unit.map_or(name.clone(), |unit| format!("{name} ({unit})"))
+    }
+    (last.replace('_', " "), 1.0)
 }
 
 fn greatest(chart: &Chart) -> f64 {
@@ -222,14 +222,19 @@ pub fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::label;
+    use super::shown;
 
     #[test]
     fn the_unit_of_a_key_stands_in_brackets() {
-        assert_eq!(label("plant.sensors.tracker.poses.latency_ms"), "latency (ms)");
-        assert_eq!(label("plant.errors.modulus_relative"), "modulus (relative)");
-        assert_eq!(label("plant.amplifier.bandwidth_hz"), "bandwidth (Hz)");
-        assert_eq!(label("plant.sensors.tracker.poses.dropout_probability"), "dropout probability");
-        assert_eq!(label("seed"), "seed");
+        let cases = [
+            ("plant.sensors.tracker.poses.latency_ms", "latency (ms)", 1.0),
+            ("plant.errors.modulus_relative", "modulus (%)", 100.0),
+            ("plant.amplifier.bandwidth_hz", "bandwidth (Hz)", 1.0),
+            ("plant.sensors.tracker.poses.dropout_probability", "dropout probability", 1.0),
+            ("seed", "seed", 1.0),
+        ];
+        for (key, label, factor) in cases {
+            assert_eq!(shown(key), (label.to_owned(), factor));
+        }
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use magsteer::math::statistics::{quantile, wilson_interval};
 
-use super::figures::{label, sheets, sorted};
+use super::figures::{sheets, shown, sorted};
 use super::runs::{CampaignRuns, RunOutcome};
 use crate::cli::campaign::RunRow;
 use crate::cli::exit::cannot_create;
@@ -71,9 +71,10 @@ fn common(campaign: &CampaignRuns) -> String {
         return String::new();
     }
     let line = |(index, key): (usize, &String)| {
+        let (label, factor) = shown(key);
         let values = |wanted: bool| {
             let rows = campaign.rows.iter().filter(move |row| failed(row) == wanted);
-            sorted(rows.filter_map(move |row| row.drawn.get(index).copied()))
+            sorted(rows.filter_map(move |row| Some(factor * row.drawn.get(index)?)))
         };
         let cells: String = [values(false), values(true)]
             .iter()
@@ -81,11 +82,11 @@ fn common(campaign: &CampaignRuns) -> String {
             .map(|value| {
                 format!(
                     "<td class=\"n\">{}</td>",
-                    value.map_or("-".to_owned(), |value| format!("{value:.4}"))
+                    value.map_or("-".to_owned(), |value| format!("{value:.3}"))
                 )
             })
             .collect();
-        format!("<tr><td title=\"{}\">{}</td>{cells}</tr>\n", escaped(key), escaped(&label(key)))
+        format!("<tr><td title=\"{}\">{}</td>{cells}</tr>\n", escaped(key), escaped(&label))
     };
     let lines: String = campaign.columns.drawn.iter().enumerate().map(line).collect();
     format!(
