@@ -316,8 +316,8 @@ fn in_lanes<const P: usize, const G: usize>(pairs: &[Column<Pair>; P]) -> [Colum
 
 /// The pairs again.
 #[inline(always)]
-fn in_pairs<const P: usize, const G: usize>(lanes: &[Column<Lanes>; G]) -> [Column<Pair>; P] {
-    core::array::from_fn(|pair| lanes[pair / Lanes::PAIRS].pair(pair % Lanes::PAIRS))
+fn in_pairs<V: Columnar, const P: usize, const G: usize>(lanes: &[Column<V>; G]) -> [Column<Pair>; P] {
+    core::array::from_fn(|pair| lanes[pair / V::PAIRS].pair(pair % V::PAIRS))
 }
 
 /// The frame nearest in tangent to `t`, then in its first axis to `d1`.
