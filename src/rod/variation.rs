@@ -165,7 +165,7 @@ fn plus<V: Scalar>(sum: Triple<V>, more: Option<Triple<V>>) -> Triple<V> {
     more.map_or(sum, |more| sum + more)
 }
 
-/// As [`combine`], without the last rate: that has its third already.
+/// What (r7) has without the last rate, which has its third already.
 #[inline(always)]
 fn combine_columns<V: Columnar>(y1: Triple<V>, y2: Triple<V>, y3: Triple<V>, y4: Triple<V>) -> Triple<V> {
     ((y2 + y3) + (y3 + y4) - y1).scaled(V::splat(1.0 / 3.0))
