@@ -4,6 +4,7 @@
 //! with each other and with [`PIVOT_MIN`].
 
 use super::pair::Pair;
+use super::triple::Scalar;
 
 /// Least admitted ratio of a pivot to the greatest entry of the matrix. Below it a solution keeps
 /// fewer than three digits of sixteen.
@@ -119,7 +120,7 @@ impl<const N: usize> Lu<N> {
 fn subtract<const P: usize>(row: &mut [Pair; P], factor: f64, known: &[Pair; P]) {
     let factor = Pair::splat(factor);
     for (entry, known) in row.iter_mut().zip(known) {
-        *entry = *entry - factor * *known;
+        *entry = factor.times_from(*known, *entry);
     }
 }
 

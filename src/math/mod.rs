@@ -2,6 +2,7 @@
 
 mod bounded_least_squares;
 pub mod csv;
+mod lanes;
 mod lu;
 mod pair;
 mod sphere;
@@ -11,6 +12,7 @@ mod thin_svd;
 mod triple;
 
 pub use bounded_least_squares::{BoundedLeastSquares, BoundedProblem, BoundedReport};
+pub use lanes::{Columnar, Lanes, Quad};
 pub use lu::{Lu, Singular};
 pub use pair::Pair;
 pub use sphere::{along_great_circle, angle_between, logarithm, orthonormal_complement, transported_basis};

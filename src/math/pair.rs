@@ -8,6 +8,9 @@ use core::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use wide::f64x2;
 
+use super::lanes::FUSED;
+use super::triple::Scalar;
+
 /// Two numbers, the low one first.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pair(f64x2);
@@ -73,6 +76,20 @@ impl Pair {
     #[must_use]
     pub fn splat_high(self) -> Self {
         Self::splat(self.high())
+    }
+}
+
+impl Scalar for Pair {
+    const FUSED: bool = FUSED;
+
+    #[inline(always)]
+    fn times_plus(self, factor: Self, sum: Self) -> Self {
+        if FUSED { Self(self.0.mul_add(factor.0, sum.0)) } else { self * factor + sum }
+    }
+
+    #[inline(always)]
+    fn times_from(self, factor: Self, sum: Self) -> Self {
+        if FUSED { Self(self.0.mul_neg_add(factor.0, sum.0)) } else { sum - self * factor }
     }
 }
 

@@ -4,16 +4,37 @@ use core::ops::{Add, Mul, Neg, Sub};
 
 use nalgebra::Vector3;
 
+use super::lanes::FUSED;
 use super::pair::Pair;
 
 /// What a [`Triple`] can be made of.
 pub trait Scalar:
     Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
+    /// True when [`Self::times_plus`] and [`Self::times_from`] are one instruction, with one rounding.
+    const FUSED: bool;
+
+    /// `self factor + sum`.
+    fn times_plus(self, factor: Self, sum: Self) -> Self;
+
+    /// `sum - self factor`.
+    fn times_from(self, factor: Self, sum: Self) -> Self;
 }
 
-impl Scalar for f64 {}
-impl Scalar for Pair {}
+impl Scalar for f64 {
+    const FUSED: bool = FUSED;
+
+    #[inline(always)]
+    fn times_plus(self, factor: Self, sum: Self) -> Self {
+        // Without the instruction, `mul_add` is a slow call.
+        if FUSED { self.mul_add(factor, sum) } else { self * factor + sum }
+    }
+
+    #[inline(always)]
+    fn times_from(self, factor: Self, sum: Self) -> Self {
+        if FUSED { (-self).mul_add(factor, sum) } else { sum - self * factor }
+    }
+}
 
 /// A vector in space.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -39,9 +60,23 @@ impl<T: Scalar> Triple<T> {
     #[must_use]
     pub fn cross(self, other: Self) -> Self {
         Self {
-            x: self.y * other.z - self.z * other.y,
-            y: self.z * other.x - self.x * other.z,
-            z: self.x * other.y - self.y * other.x,
+            x: self.z.times_from(other.y, self.y * other.z),
+            y: self.x.times_from(other.z, self.z * other.x),
+            z: self.y.times_from(other.x, self.x * other.y),
+        }
+    }
+
+    /// `sum + self x other`.
+    #[inline(always)]
+    #[must_use]
+    pub fn cross_plus(self, other: Self, sum: Self) -> Self {
+        if !T::FUSED {
+            return sum + self.cross(other);
+        }
+        Self {
+            x: self.z.times_from(other.y, self.y.times_plus(other.z, sum.x)),
+            y: self.x.times_from(other.z, self.z.times_plus(other.x, sum.y)),
+            z: self.y.times_from(other.x, self.x.times_plus(other.y, sum.z)),
         }
     }
 
@@ -49,7 +84,7 @@ impl<T: Scalar> Triple<T> {
     #[inline(always)]
     #[must_use]
     pub fn dot(self, other: Self) -> T {
-        self.x * other.x + self.y * other.y + self.z * other.z
+        self.z.times_plus(other.z, self.y.times_plus(other.y, self.x * other.x))
     }
 
     /// Every component times `factor`.

@@ -29,6 +29,7 @@ mod solve;
 mod stability;
 mod state;
 mod transition;
+mod variation;
 
 #[cfg(test)]
 mod tests;

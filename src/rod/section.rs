@@ -32,9 +32,10 @@
 
 use magsteer_hal::description::SectionDescription;
 
-use crate::math::{Pair, Triple};
+use crate::math::{Columnar, Pair, Triple};
 
 use super::state::State;
+use super::variation::Stage;
 
 /// Constants of a section cut into equal steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,15 +115,25 @@ impl Section {
         gravity.scaled(self.mass_per_length * self.half_step * self.force_scale)
     }
 
-    /// One Runge-Kutta step (r7): moves `node`, adds three times the travel in half steps to `travel`,
-    /// and returns the stages' linearisation.
+    /// One Runge-Kutta step (r7): moves `node` and adds three times the travel in half steps to `travel`.
     #[inline(always)]
     pub(super) fn step<const EXTENSIBLE: bool, const CURVED: bool>(
         &self,
         node: &mut Node,
         travel: &mut Triple,
         weight: Triple,
-    ) -> [Stage; 4] {
+    ) {
+        self.step_linearised::<Pair, EXTENSIBLE, CURVED>(node, travel, weight);
+    }
+
+    /// As [`Self::step`]; returns the stages' linearisation.
+    #[inline(always)]
+    pub(super) fn step_linearised<V: Columnar, const EXTENSIBLE: bool, const CURVED: bool>(
+        &self,
+        node: &mut Node,
+        travel: &mut Triple,
+        weight: Triple,
+    ) -> [Stage<V>; 4] {
         let y1 = *node;
         let nu_middle = y1.nu - weight;
         let nu_end = nu_middle - weight; // (r2)
@@ -141,10 +152,10 @@ impl Section {
         };
         *travel = *travel + (f1.p + f4.p) + (f2.p + f3.p).scaled(2.0);
         [
-            self.stage::<EXTENSIBLE>(&y1, &f1, 1.0, 1.0),
-            self.stage::<EXTENSIBLE>(&y2, &f2, 1.0, 2.0),
-            self.stage::<EXTENSIBLE>(&y3, &f3, 2.0, 2.0),
-            self.stage::<EXTENSIBLE>(&y4, &f4, 1.0 / 3.0, 1.0),
+            self.stage::<V, EXTENSIBLE>(&y1, &f1, 1.0, 1.0),
+            self.stage::<V, EXTENSIBLE>(&y2, &f2, 1.0, 2.0),
+            self.stage::<V, EXTENSIBLE>(&y3, &f3, 2.0, 2.0),
+            self.stage::<V, EXTENSIBLE>(&y4, &f4, 1.0 / 3.0, 1.0),
         ]
     }
 
@@ -196,7 +207,13 @@ impl Section {
 
     /// Linearisation of the rates at `y`, times `factor`; that of the travel times `weight`.
     #[inline(always)]
-    fn stage<const EXTENSIBLE: bool>(&self, y: &Node, f: &Rates, factor: f64, weight: f64) -> Stage {
+    fn stage<V: Columnar, const EXTENSIBLE: bool>(
+        &self,
+        y: &Node,
+        f: &Rates,
+        factor: f64,
+        weight: f64,
+    ) -> Stage<V> {
         let unit = self.force_scale;
         let t = y.t;
         let mut m_by_force = units_cross(t, unit * factor * f.sigma);
@@ -214,23 +231,23 @@ impl Section {
             ];
         }
         Stage {
-            t_factor: t.scaled(factor).splat(),
-            mu_factor: y.mu.scaled(factor).splat(),
-            nu_factor: y.nu.scaled(factor * f.sigma).splat(),
+            t_factor: t.scaled(factor).in_all(),
+            mu_factor: y.mu.scaled(factor).in_all(),
+            nu_factor: y.nu.scaled(factor * f.sigma).in_all(),
             m_by_force: in_pairs(m_by_force),
             p_by_force: in_pairs(p_by_force),
-            stretch_nu: y.nu.scaled(self.stretch).splat(),
-            lateral: f.lateral.scaled(factor).splat(),
-            t_weight: t.scaled(weight).splat(),
-            sigma_weight: Pair::splat(f.sigma * weight),
-            t: t.splat(),
-            d1: y.d1.splat(),
-            d2: f.d2.splat(),
-            d1_factor: y.d1.scaled(factor).splat(),
-            twist: Pair::splat(self.twist),
-            torsion: Pair::splat(f.torsion * factor),
-            u1: Pair::splat(self.curvature.x * factor),
-            u2: Pair::splat(self.curvature.y * factor),
+            stretch_nu: y.nu.scaled(self.stretch).in_all(),
+            lateral: f.lateral.scaled(factor).in_all(),
+            t_weight: t.scaled(weight).in_all(),
+            sigma_weight: V::splat(f.sigma * weight),
+            t: t.in_all(),
+            d1: y.d1.in_all(),
+            d2: f.d2.in_all(),
+            d1_factor: y.d1.scaled(factor).in_all(),
+            twist: V::splat(self.twist),
+            torsion: V::splat(f.torsion * factor),
+            u1: V::splat(self.curvature.x * factor),
+            u2: V::splat(self.curvature.y * factor),
         }
     }
 }
@@ -269,150 +286,9 @@ pub(super) struct Rates {
     lateral: Triple,
 }
 
-/// Linearisation of the rates at one stage, every number twice: for the two columns of a pair.
-/// Each sort of section reads its own part; the compiler drops the rest.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Stage {
-    t_factor: Triple<Pair>,
-    mu_factor: Triple<Pair>,
-    nu_factor: Triple<Pair>,
-    /// Pairs (x, y) and (z, none) of unit forces.
-    m_by_force: [Triple<Pair>; 2],
-    p_by_force: [Triple<Pair>; 2],
-    stretch_nu: Triple<Pair>,
-    lateral: Triple<Pair>,
-    t_weight: Triple<Pair>,
-    sigma_weight: Pair,
-    t: Triple<Pair>,
-    d1: Triple<Pair>,
-    d2: Triple<Pair>,
-    d1_factor: Triple<Pair>,
-    twist: Pair,
-    torsion: Pair,
-    u1: Pair,
-    u2: Pair,
-}
-
-/// Variations of the scaled state, two columns at a time; `p` is three times the travel in half steps.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Column {
-    pub p: Triple<Pair>,
-    pub t: Triple<Pair>,
-    pub mu: Triple<Pair>,
-    pub d1: Triple<Pair>,
-}
-
-impl Column {
-    /// The step (r7), linearised. `FORCE` is the pair of unit forces that these columns belong to: 0 for (x, y),
-    /// 1 for (z, none), anything else for none. `FULL` carries the variation of d1.
-    #[inline(always)]
-    pub(super) fn step<const EXTENSIBLE: bool, const FULL: bool, const CURVED: bool, const FORCE: usize>(
-        &mut self,
-        stages: &[Stage; 4],
-    ) {
-        self.stepped::<EXTENSIBLE, FULL>(|y, stage| {
-            y.rates::<EXTENSIBLE, FULL, CURVED, FORCE>(&stages[stage])
-        });
-    }
-
-    /// As [`Self::step`], of columns with a variation of the force of their own at each stage, N.
-    #[inline(always)]
-    pub(super) fn step_under<const EXTENSIBLE: bool, const CURVED: bool>(
-        &mut self,
-        stages: &[Stage; 4],
-        forces: &[Triple<Pair>; 4],
-    ) {
-        self.stepped::<EXTENSIBLE, true>(|y, stage| {
-            let mut rates = y.rates::<EXTENSIBLE, true, CURVED, 2>(&stages[stage]);
-            let force = forces[stage];
-            rates.mu = rates.mu + by_force(&stages[stage].m_by_force, force);
-            if EXTENSIBLE {
-                rates.p = rates.p + by_force(&stages[stage].p_by_force, force);
-            }
-            rates
-        });
-    }
-
-    /// The step (r7) with rates at a variation and a stage.
-    #[inline(always)]
-    fn stepped<const EXTENSIBLE: bool, const FULL: bool>(&mut self, rates: impl Fn(&Self, usize) -> Self) {
-        let y1 = *self;
-        let k1 = rates(&y1, 0);
-        let y2 = y1.moved::<FULL>(&k1);
-        let k2 = rates(&y2, 1);
-        let y3 = y1.moved::<FULL>(&k2);
-        let k3 = rates(&y3, 2);
-        let y4 = y1.moved::<FULL>(&k3);
-        let k4 = rates(&y4, 3);
-        self.p = if EXTENSIBLE {
-            y1.p + (k1.p + k2.p) + (k3.p + k4.p)
-        } else {
-            let middle = y2.t + y3.t;
-            y1.p + (y1.t + y4.t) + (middle + middle)
-        };
-        self.t = combine_columns(y1.t, y2.t, y3.t, y4.t, k4.t);
-        self.mu = combine_columns(y1.mu, y2.mu, y3.mu, y4.mu, k4.mu);
-        if FULL {
-            self.d1 = combine_columns(y1.d1, y2.d1, y3.d1, y4.d1, k4.d1);
-        }
-    }
-
-    /// The rates (r6), linearised.
-    #[inline(always)]
-    fn rates<const EXTENSIBLE: bool, const FULL: bool, const CURVED: bool, const FORCE: usize>(
-        &self,
-        at: &Stage,
-    ) -> Self {
-        let mut t = self.mu.cross(at.t_factor) + at.mu_factor.cross(self.t);
-        let mut mu = at.nu_factor.cross(self.t);
-        let mut p = Triple::default();
-        let mut d1 = Triple::default();
-        if FORCE < 2 {
-            mu = mu + at.m_by_force[FORCE];
-        }
-        if EXTENSIBLE {
-            let sigma = at.stretch_nu.dot(self.t);
-            mu = mu + at.lateral.scaled(sigma);
-            p = at.t_weight.scaled(sigma) + self.t.scaled(at.sigma_weight);
-            if FORCE < 2 {
-                p = p + at.p_by_force[FORCE];
-            }
-        }
-        if FULL {
-            let d2 = self.t.cross(at.d1) + at.t.cross(self.d1);
-            let torsion = at.twist * (self.t.dot(at.mu_factor) + at.t_factor.dot(self.mu));
-            d1 = self.mu.cross(at.d1_factor) + at.mu_factor.cross(self.d1);
-            d1 = d1 + at.d2.scaled(torsion) + d2.scaled(at.torsion);
-            if CURVED {
-                t = t + self.d1.scaled(at.u2) - d2.scaled(at.u1);
-                d1 = d1 - self.t.scaled(at.u2);
-            }
-        }
-        Self { p, t, mu, d1 }
-    }
-
-    #[inline(always)]
-    fn moved<const FULL: bool>(&self, k: &Self) -> Self {
-        let d1 = if FULL { self.d1 + k.d1 } else { self.d1 };
-        Self { p: self.p, t: self.t + k.t, mu: self.mu + k.mu, d1 }
-    }
-}
-
 #[inline(always)]
 fn combine(y1: Triple, y2: Triple, y3: Triple, y4: Triple, f4: Triple) -> Triple {
     ((y2 + y3) + (y3 + y4) - y1 + f4).scaled(1.0 / 3.0) // (r7)
-}
-
-/// As [`combine`], with a last rate that has its third already.
-#[inline(always)]
-fn combine_columns(
-    y1: Triple<Pair>,
-    y2: Triple<Pair>,
-    y3: Triple<Pair>,
-    y4: Triple<Pair>,
-    k4: Triple<Pair>,
-) -> Triple<Pair> {
-    ((y2 + y3) + (y3 + y4) - y1).scaled(Pair::splat(1.0 / 3.0)) + k4
 }
 
 /// `factor e_k x t` for the three unit vectors.
@@ -427,17 +303,14 @@ fn diagonal(entry: f64) -> [Triple; 3] {
     [Triple::new(entry, 0.0, 0.0), Triple::new(0.0, entry, 0.0), Triple::new(0.0, 0.0, entry)]
 }
 
-/// What a force does, by what unit forces do.
+/// The columns x, y, z, none.
 #[inline(always)]
-fn by_force([xy, z]: &[Triple<Pair>; 2], force: Triple<Pair>) -> Triple<Pair> {
-    let column =
-        |pair: &Triple<Pair>, pick: fn(Pair) -> Pair| Triple::new(pick(pair.x), pick(pair.y), pick(pair.z));
-    column(xy, Pair::splat_low).scaled(force.x)
-        + column(xy, Pair::splat_high).scaled(force.y)
-        + column(z, Pair::splat_low).scaled(force.z)
-}
-
-#[inline(always)]
-fn in_pairs([x, y, z]: [Triple; 3]) -> [Triple<Pair>; 2] {
-    [Triple::of_columns(x, y), Triple::of_columns(z, Triple::default())]
+fn in_pairs<V: Columnar>([x, y, z]: [Triple; 3]) -> [Triple<V>; 2] {
+    let pairs = [Triple::of_columns(x, y), Triple::of_columns(z, Triple::default())];
+    let [first, second] = pairs;
+    if V::PAIRS == 1 {
+        [Triple::of_pairs([first]), Triple::of_pairs([second])]
+    } else {
+        [Triple::of_pairs(pairs), Triple::default()]
+    }
 }

@@ -19,14 +19,16 @@
 use nalgebra::Vector6;
 
 use crate::magnetics::{AppliedField, FieldSample, PARAMETERS_MAX};
-use crate::math::{Lu, Pair, Triple};
+use crate::math::{Lu, Pair, Scalar, Triple};
 
 use super::magnet::{Jump, Magnet};
 use super::manipulator::{Manipulator, Part};
 use super::pass::{JacobianRows, MagnetPass, PAIRS_BLOCK, Pass, PassMode, TipLoad};
 use super::section::Section;
 use super::state::State;
-use super::transition::{Columns, PAIRS_AXIAL, PAIRS_CLAMPED, PAIRS_FULL, Rows};
+use super::transition::{
+    Columns, LANES_AXIAL, LANES_CLAMPED, LANES_FULL, PAIRS_AXIAL, PAIRS_CLAMPED, PAIRS_FULL, Rows,
+};
 
 impl Manipulator {
     /// One pass with the base unknowns `unknowns` (force N, moment N m, world) under the present actuation of `field`.
@@ -231,17 +233,23 @@ impl MagnetPass {
     #[inline(always)]
     fn finish(&mut self, block: usize, unknowns: &[[Pair; PAIRS_BLOCK]; 6], poses: bool) {
         let [d1, d2, tangent] = [self.frame.d1, self.frame.d2, self.frame.tangent].map(Triple::splat);
-        let rotation = total(&self.rotation_by_parameters[block], &self.rotation_by_base, unknowns);
         let offset = block * 2 * PAIRS_BLOCK;
-        for (k, Triple { x: about_d1, y: about_d2, z: twist }) in rotation.into_iter().enumerate() {
-            let turn = d1.scaled(about_d2) - d2.scaled(about_d1); // dt = phi x t
+        let row = |axis: usize| {
+            let mut row = self.rotation_by_parameters[block][axis];
+            add_by_unknowns(&mut row, &self.rotation_by_base[axis], unknowns);
+            row
+        };
+        let (about_d1, about_d2) = (row(0), row(1));
+        let twist = if poses { row(2) } else { Default::default() };
+        for k in 0..PAIRS_BLOCK {
+            let turn = d1.scaled(about_d2[k]) - d2.scaled(about_d1[k]); // dt = phi x t
             store(&mut self.tangent_rows, offset + 2 * k, turn);
-            if poses {
-                let world = d1.scaled(about_d1) + d2.scaled(about_d2) + tangent.scaled(twist);
-                store(&mut self.rotation_rows, offset + 2 * k, world);
-            }
         }
         if poses {
+            for k in 0..PAIRS_BLOCK {
+                let world = d1.scaled(about_d1[k]) + d2.scaled(about_d2[k]) + tangent.scaled(twist[k]);
+                store(&mut self.rotation_rows, offset + 2 * k, world);
+            }
             let center = total(&self.center_by_parameters[block], &self.center_by_base, unknowns);
             for (k, shift) in center.into_iter().enumerate() {
                 store(&mut self.position_rows, offset + 2 * k, shift);
@@ -274,7 +282,12 @@ fn add_by_unknowns(
     for (k, factors) in base.iter().enumerate() {
         let (low, high) = (factors.splat_low(), factors.splat_high());
         for column in 0..PAIRS_BLOCK {
-            row[column] += low * unknowns[2 * k][column] + high * unknowns[2 * k + 1][column];
+            let (by_low, by_high) = (unknowns[2 * k][column], unknowns[2 * k + 1][column]);
+            row[column] = if Pair::FUSED {
+                high.times_plus(by_high, low.times_plus(by_low, row[column]))
+            } else {
+                row[column] + (low * by_low + high * by_high)
+            };
         }
     }
 }
@@ -297,10 +310,12 @@ impl Section {
         base: &mut Columns<PAIRS_CLAMPED>,
     ) {
         let transition = match (self.extensible, FULL && self.curved) {
-            (false, false) => self.advance::<false, FULL, false, PAIRS_CLAMPED>(state, gravity),
-            (true, false) => self.advance::<true, FULL, false, PAIRS_CLAMPED>(state, gravity),
-            (false, true) => self.advance::<false, true, true, PAIRS_CLAMPED>(state, gravity),
-            (true, true) => self.advance::<true, true, true, PAIRS_CLAMPED>(state, gravity),
+            (false, false) => {
+                self.advance::<false, FULL, false, PAIRS_CLAMPED, LANES_CLAMPED>(state, gravity)
+            }
+            (true, false) => self.advance::<true, FULL, false, PAIRS_CLAMPED, LANES_CLAMPED>(state, gravity),
+            (false, true) => self.advance::<false, true, true, PAIRS_CLAMPED, LANES_CLAMPED>(state, gravity),
+            (true, true) => self.advance::<true, true, true, PAIRS_CLAMPED, LANES_CLAMPED>(state, gravity),
         };
         base.leave_clamp(&transition);
     }
@@ -316,18 +331,18 @@ impl Section {
     ) {
         if FULL {
             let transition = match (self.extensible, self.curved) {
-                (false, false) => self.advance::<false, true, false, PAIRS_FULL>(state, gravity),
-                (true, false) => self.advance::<true, true, false, PAIRS_FULL>(state, gravity),
-                (false, true) => self.advance::<false, true, true, PAIRS_FULL>(state, gravity),
-                (true, true) => self.advance::<true, true, true, PAIRS_FULL>(state, gravity),
+                (false, false) => self.advance::<false, true, false, PAIRS_FULL, LANES_FULL>(state, gravity),
+                (true, false) => self.advance::<true, true, false, PAIRS_FULL, LANES_FULL>(state, gravity),
+                (false, true) => self.advance::<false, true, true, PAIRS_FULL, LANES_FULL>(state, gravity),
+                (true, true) => self.advance::<true, true, true, PAIRS_FULL, LANES_FULL>(state, gravity),
             };
             base.cross_section(&transition);
             actuation.iter_mut().for_each(|columns| columns.cross_section(&transition));
         } else {
             let transition = if self.extensible {
-                self.advance::<true, false, false, PAIRS_AXIAL>(state, gravity)
+                self.advance::<true, false, false, PAIRS_AXIAL, LANES_AXIAL>(state, gravity)
             } else {
-                self.advance::<false, false, false, PAIRS_AXIAL>(state, gravity)
+                self.advance::<false, false, false, PAIRS_AXIAL, LANES_AXIAL>(state, gravity)
             };
             base.cross_section(&transition);
             actuation.iter_mut().for_each(|columns| columns.cross_section(&transition));

@@ -14,10 +14,11 @@
 //! The frame is made orthonormal again at the end of a section (Runge-Kutta steps keep it only to their order), and
 //! so are its variations: derivatives are those of the discrete scheme, on any mesh.
 
-use crate::math::{Pair, Triple};
+use crate::math::{Columnar, Lanes, Pair, Scalar, Triple};
 
-use super::section::{Column, Node, Section};
+use super::section::{Node, Section};
 use super::state::{Frame, State};
+use super::variation::Column;
 
 /// Pairs of columns of a transition from the clamp: by force and moment.
 pub const PAIRS_CLAMPED: usize = 3;
@@ -25,6 +26,15 @@ pub const PAIRS_CLAMPED: usize = 3;
 pub const PAIRS_AXIAL: usize = 4;
 /// Pairs of columns with twist: by force, moment and three rotations; the last column is empty.
 pub const PAIRS_FULL: usize = 5;
+
+/// How many [`Lanes`] the pairs take up.
+pub const LANES_CLAMPED: usize = PAIRS_CLAMPED.div_ceil(Lanes::PAIRS);
+/// How many [`Lanes`] the pairs take up.
+pub const LANES_AXIAL: usize = PAIRS_AXIAL.div_ceil(Lanes::PAIRS);
+/// How many [`Lanes`] the pairs take up.
+pub const LANES_FULL: usize = PAIRS_FULL.div_ceil(Lanes::PAIRS);
+/// How many [`Lanes`] have a column by a force among them.
+const FORCED: usize = 2 / Lanes::PAIRS;
 
 /// A row for each axis, `P` pairs of columns.
 pub type Rows<const P: usize> = [[Pair; P]; 3];
@@ -122,8 +132,13 @@ fn accumulate<const P: usize, const Q: usize>(
     let mut sum = *row;
     for k in 0..4 {
         let (low, high) = (factors[k].splat_low(), factors[k].splat_high());
+        let [by_low, by_high] = [&starts[2 * k], &starts[2 * k + 1]];
         for column in 0..P {
-            sum[column] += low * starts[2 * k][column] + high * starts[2 * k + 1][column];
+            sum[column] = if Pair::FUSED {
+                high.times_plus(by_high[column], low.times_plus(by_low[column], sum[column]))
+            } else {
+                sum[column] + (low * by_low[column] + high * by_high[column])
+            };
         }
     }
     if twisting {
@@ -137,8 +152,14 @@ fn accumulate<const P: usize, const Q: usize>(
 
 impl Section {
     /// Integrates the section from `state` to its end under `gravity` (m/s^2) and returns its transition.
-    /// `P` is [`PAIRS_CLAMPED`], [`PAIRS_AXIAL`] or [`PAIRS_FULL`]; `FULL` carries twist.
-    pub fn advance<const EXTENSIBLE: bool, const FULL: bool, const CURVED: bool, const P: usize>(
+    /// `P` is [`PAIRS_CLAMPED`], [`PAIRS_AXIAL`] or [`PAIRS_FULL`], `G` how many lanes they take up; `FULL` carries twist.
+    pub fn advance<
+        const EXTENSIBLE: bool,
+        const FULL: bool,
+        const CURVED: bool,
+        const P: usize,
+        const G: usize,
+    >(
         &self,
         state: &mut State,
         gravity: Triple,
@@ -146,17 +167,19 @@ impl Section {
         let mut node = self.enter(state);
         let mut travel = Triple::default();
         let weight = self.weight_of_half_step(gravity);
-        let mut columns = self.unit_columns::<P>(&state.frame);
+        let mut lanes = in_lanes::<P, G>(&self.unit_columns(&state.frame));
         for _ in 0..self.segments {
-            let stages = self.step::<EXTENSIBLE, CURVED>(&mut node, &mut travel, weight);
-            columns[0].step::<EXTENSIBLE, FULL, CURVED, 0>(&stages);
-            columns[1].step::<EXTENSIBLE, FULL, CURVED, 1>(&stages);
-            for column in &mut columns[2..] {
+            let stages = self.step_linearised::<Lanes, EXTENSIBLE, CURVED>(&mut node, &mut travel, weight);
+            lanes[0].step::<EXTENSIBLE, FULL, CURVED, 0>(&stages);
+            if FORCED == 2 {
+                lanes[1].step::<EXTENSIBLE, FULL, CURVED, 1>(&stages);
+            }
+            for column in &mut lanes[FORCED..] {
                 column.step::<EXTENSIBLE, FULL, CURVED, 2>(&stages);
             }
         }
         self.leave(node, travel, gravity, state);
-        self.finish::<FULL, P>(&columns, (node.t, node.d1), &state.frame)
+        self.finish::<FULL, P>(&in_pairs(&lanes), (node.t, node.d1), &state.frame)
     }
 
     /// As [`Self::advance`] with twist. The last column, empty there, is the derivative with the logarithm of
@@ -170,20 +193,26 @@ impl Section {
         let mut travel = Triple::default();
         let weight = self.weight_of_half_step(gravity);
         let half = gravity.scaled(-self.mass_per_length * self.half_step); // of the force over half a step, by (r2)
-        let mut columns = self.unit_columns::<PAIRS_FULL>(&state.frame);
+        let mut lanes = in_lanes::<PAIRS_FULL, LANES_FULL>(&self.unit_columns(&state.frame));
+        let last = LANES_FULL - 1;
         for index in 0..self.segments {
-            let stages = self.step::<EXTENSIBLE, CURVED>(&mut node, &mut travel, weight);
-            columns[0].step::<EXTENSIBLE, true, CURVED, 0>(&stages);
-            columns[1].step::<EXTENSIBLE, true, CURVED, 1>(&stages);
-            columns[2].step::<EXTENSIBLE, true, CURVED, 2>(&stages);
-            columns[3].step::<EXTENSIBLE, true, CURVED, 2>(&stages);
+            let stages = self.step_linearised::<Lanes, EXTENSIBLE, CURVED>(&mut node, &mut travel, weight);
+            lanes[0].step::<EXTENSIBLE, true, CURVED, 0>(&stages);
+            if FORCED == 2 {
+                lanes[1].step::<EXTENSIBLE, true, CURVED, 1>(&stages);
+            }
+            for column in &mut lanes[FORCED..last] {
+                column.step::<EXTENSIBLE, true, CURVED, 2>(&stages);
+            }
             let halves = 2.0 * index as f64;
-            let forces = [halves, halves + 1.0, halves + 1.0, halves + 2.0];
-            let forces = forces.map(|count| Triple::of_columns(Triple::default(), half.scaled(count)));
-            columns[4].step_under::<EXTENSIBLE, CURVED>(&stages, &forces);
+            let forces = [halves, halves + 1.0, halves + 1.0, halves + 2.0].map(|count| {
+                // The last pair of columns, an odd one, begins its lanes.
+                Triple::of_pairs([Triple::of_columns(Triple::default(), half.scaled(count))])
+            });
+            lanes[last].step_under::<EXTENSIBLE, CURVED>(&stages, &forces);
         }
         self.leave(node, travel, gravity, state);
-        self.finish::<true, PAIRS_FULL>(&columns, (node.t, node.d1), &state.frame)
+        self.finish::<true, PAIRS_FULL>(&in_pairs(&lanes), (node.t, node.d1), &state.frame)
     }
 
     /// As [`Self::advance`], without variations.
@@ -208,7 +237,7 @@ impl Section {
 
     /// Variations at the start of the section: none by forces yet, the unit moments, the unit rotations.
     #[inline(always)]
-    fn unit_columns<const P: usize>(&self, frame: &Frame) -> [Column; P] {
+    fn unit_columns<const P: usize>(&self, frame: &Frame) -> [Column<Pair>; P] {
         let unit = self.moment_scale;
         let mut columns = [Column::default(); P];
         columns[1].mu.x = Pair::new(0.0, unit);
@@ -228,7 +257,7 @@ impl Section {
     #[inline(always)]
     fn finish<const FULL: bool, const P: usize>(
         &self,
-        columns: &[Column; P],
+        columns: &[Column<Pair>; P],
         raw: (Triple, Triple),
         frame: &Frame,
     ) -> Transition<P> {
@@ -274,6 +303,21 @@ impl Section {
             visit(state.position + travel.scaled(self.half_step / 3.0), node.t.scaled(1.0 / node.t.norm()));
         }
     }
+}
+
+/// Pairs of columns as they travel.
+#[inline(always)]
+fn in_lanes<const P: usize, const G: usize>(pairs: &[Column<Pair>; P]) -> [Column<Lanes>; G] {
+    core::array::from_fn(|index| {
+        let of = |pair: usize| pairs.get(index * Lanes::PAIRS + pair).copied().unwrap_or_default();
+        if Lanes::PAIRS == 1 { Column::of_pairs([of(0)]) } else { Column::of_pairs([of(0), of(1)]) }
+    })
+}
+
+/// The pairs again.
+#[inline(always)]
+fn in_pairs<V: Columnar, const P: usize, const G: usize>(lanes: &[Column<V>; G]) -> [Column<Pair>; P] {
+    core::array::from_fn(|pair| lanes[pair / V::PAIRS].pair(pair % V::PAIRS))
 }
 
 /// The frame nearest in tangent to `t`, then in its first axis to `d1`.

@@ -253,6 +253,23 @@ fn first_difference(was: &str, is: &str) -> String {
     }
 }
 
+/// What the table of a folder holds, by its first line.
+///
+/// # Errors
+/// When there is no table, or it is none of a campaign.
+#[cfg(all(feature = "figures", feature = "record"))]
+pub fn read_columns(path: &Path) -> anyhow::Result<Columns> {
+    let file = path.join(RUNS);
+    let text = fs::read_to_string(&file).map_err(|error| {
+        Failure::with(Exit::NoInput, anyhow!("{}: cannot be read: {error}", file.display()))
+    })?;
+    let header = text.lines().next().unwrap_or_default();
+    Columns::of_header(header).ok_or_else(|| {
+        let why = anyhow!("{}:1: not the table of a campaign as this version writes it", file.display());
+        Failure::with(Exit::Data, why)
+    })
+}
+
 /// The rows of a folder, by run. Empty when there is no table yet.
 ///
 /// # Errors

@@ -32,4 +32,8 @@ mod runner;
 mod summary;
 
 pub use command::Campaign;
+#[cfg(all(feature = "figures", feature = "record"))]
+pub use folder::{Manifest, read_columns, read_manifest, read_rows};
 pub use plants::Plants;
+#[cfg(all(feature = "figures", feature = "record"))]
+pub use row::{Columns, RunRow};

@@ -31,12 +31,16 @@ pub struct RunRow {
     pub rms_max_deg: Option<f64>,
     /// RMS error of each magnet over the last seconds of all steps played.
     pub rms_deg: Vec<Option<f64>>,
+    /// Greatest RMS error of a magnet in the last second of each step.
+    pub rms_step_deg: Vec<Option<f64>>,
     /// Greatest angle between the model's tangent and the true one at the end of a step.
     pub model_error_deg: f64,
     /// Farthest that a magnet turned in the last second of a step that did not settle; 0 when all did.
     pub swing_deg: f64,
     /// Largest current that a coil carried.
     pub current_max_a: f64,
+    /// Smallest margin of stability of the model while steering; `None` when it never found an equilibrium.
+    pub margin_min: Option<f64>,
     /// Commands beyond a limit, as the plant counts them.
     pub limit_breaks: u64,
     /// Time in which sensing was lost and the last currents were held.
@@ -75,10 +79,12 @@ impl Columns {
         names.extend((1..=self.steps).map(|step| format!("settle_{step}_s")));
         names.push("rms_max_deg".to_owned());
         names.extend(self.magnets.iter().map(|magnet| format!("rms_{magnet}_deg")));
+        names.extend((1..=self.steps).map(|step| format!("rms_step_{step}_deg")));
         let rest = [
             "model_error_deg",
             "swing_deg",
             "current_max_a",
+            "margin_min",
             "limit_breaks",
             "holding_s",
             "unstable",
@@ -90,6 +96,24 @@ impl Columns {
         ];
         names.extend(rest.map(str::to_owned));
         names
+    }
+
+    /// The columns of a table with this first line; `None` when it is none of a campaign.
+    #[cfg(all(feature = "figures", feature = "record"))]
+    pub fn of_header(header: &str) -> Option<Self> {
+        let names: Vec<&str> = header.split(',').collect();
+        let place = |wanted: &str| names.iter().position(|name| *name == wanted);
+        let (settled, longest, rms, rest) =
+            (place("settled")?, place("settle_max_s")?, place("rms_max_deg")?, place("model_error_deg")?);
+        let steps = rms.checked_sub(longest + 1)?;
+        let magnets = names.get(rms + 1..rest.checked_sub(steps)?)?;
+        let magnets = magnets.iter().map(|name| name.strip_prefix("rms_")?.strip_suffix("_deg"));
+        let columns = Self {
+            drawn: names.get(2..settled)?.iter().map(|name| (*name).to_owned()).collect(),
+            steps,
+            magnets: magnets.map(|name| name.map(str::to_owned)).collect::<Option<_>>()?,
+        };
+        (columns.names() == names).then_some(columns)
     }
 
     /// The table's first line, with its end.
@@ -107,7 +131,9 @@ impl Columns {
         fields.extend(row.settle_s.iter().map(optional));
         fields.push(optional(&row.rms_max_deg));
         fields.extend(row.rms_deg.iter().map(optional));
+        fields.extend(row.rms_step_deg.iter().map(optional));
         fields.extend([row.model_error_deg, row.swing_deg, row.current_max_a].map(|value| value.to_string()));
+        fields.push(optional(&row.margin_min));
         fields.extend([row.limit_breaks.to_string(), row.holding_s.to_string()]);
         fields.push(u8::from(row.unstable).to_string());
         // The table knows no quotes.
@@ -138,9 +164,11 @@ impl Columns {
             settle_s: fields.several_optional(self.steps)?,
             rms_max_deg: fields.optional()?,
             rms_deg: fields.several_optional(self.magnets.len())?,
+            rms_step_deg: fields.several_optional(self.steps)?,
             model_error_deg: fields.read()?,
             swing_deg: fields.read()?,
             current_max_a: fields.read()?,
+            margin_min: fields.optional()?,
             limit_breaks: fields.read()?,
             holding_s: fields.read()?,
             unstable: fields.flag()?,
@@ -227,9 +255,11 @@ pub(super) mod tests {
             settle_s: vec![Some(1.0 / 3.0), None],
             rms_max_deg: Some(0.1),
             rms_deg: vec![Some(1e-300), Some(0.2)],
+            rms_step_deg: vec![Some(0.2), None],
             model_error_deg: 7.25,
             swing_deg: 0.0,
             current_max_a: 2.5,
+            margin_min: Some(0.4),
             limit_breaks: 0,
             holding_s: 0.0,
             unstable: true,
@@ -247,6 +277,18 @@ pub(super) mod tests {
         let line = columns.line(&row);
         assert_eq!(columns.parse(line.trim_end()).expect("its own line"), row);
         assert_eq!(line.matches(',').count(), columns.header().matches(',').count());
+    }
+
+    #[cfg(all(feature = "figures", feature = "record"))]
+    #[test]
+    fn columns_are_known_by_their_first_line() {
+        let columns = columns();
+        assert_eq!(Columns::of_header(columns.header().trim_end()), Some(columns.clone()));
+        for other in ["", "run,seed", "settled,settle_max_s,rms_max_deg,model_error_deg"] {
+            assert_eq!(Columns::of_header(other), None, "{other}");
+        }
+        let without = columns.header().replace("margin_min,", "");
+        assert_eq!(Columns::of_header(without.trim_end()), None);
     }
 
     #[test]

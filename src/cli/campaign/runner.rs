@@ -141,9 +141,16 @@ impl<'a> Runner<'a> {
             settle_s,
             rms_max_deg: magnets.clone().flat_map(rms_of).reduce(f64::max),
             rms_deg: magnets.map(pooled).collect(),
+            rms_step_deg: (0..self.steps.len())
+                .map(|index| {
+                    let errors = played.steps.get(index)?.response.error_rms_deg.iter().copied();
+                    errors.reduce(f64::max)
+                })
+                .collect(),
             model_error_deg: model_error.to_degrees(),
             swing_deg: swing.to_degrees(),
             current_max_a: plant.counts().current_max,
+            margin_min: collector.margin_min,
             limit_breaks: plant.guard().limit_breaks(),
             holding_s: collector.cycles_holding as f64 * self.daemon.period().as_secs_f64(),
             unstable: played.end != PlayEnd::Complete || model_error > MODEL_LOST || swing > SWINGS_ON,
@@ -175,6 +182,7 @@ struct Collector {
     cycles_holding: u64,
     /// Of each step: greatest angle between model and truth in its newest cycle, rad.
     model_error: Vec<f64>,
+    margin_min: Option<f64>,
 }
 
 impl Collector {
@@ -183,6 +191,7 @@ impl Collector {
             digest: RunDigest::new(runner.plants.description),
             cycles_holding: 0,
             model_error: vec![0.0; runner.steps.len()],
+            margin_min: None,
         }
     }
 
@@ -190,6 +199,10 @@ impl Collector {
         self.digest.take(seen.record, seen.truth);
         let Some(step) = seen.step else { return };
         self.cycles_holding += u64::from(seen.record.decision.state == state::HOLDING);
+        let model = &seen.record.outcome.model;
+        if model.converged && self.margin_min.is_none_or(|least| model.margin < least) {
+            self.margin_min = Some(model.margin);
+        }
         let magnets = &seen.truth.magnets[..seen.truth.magnet_count as usize];
         let errors = seen.record.outcome.predicted.iter().zip(magnets).map(|(predicted, magnet)| {
             angle_between(&Vector3::from(*predicted), &Vector3::from(magnet.tangent()))

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use kuva::backend::svg::SvgBackend;
-use kuva::plot::{LegendEntry, LegendShape, LinePlot, ScatterPlot};
+use kuva::plot::{BandPlot, LegendEntry, LegendShape, LinePlot, ScatterPlot};
 use kuva::render::annotations::ReferenceLine;
 use kuva::render::figure::{Figure, FigureLegendPosition};
 use kuva::render::layout::Layout;
@@ -31,11 +31,17 @@ pub enum Look {
     Wide(usize, f64),
     /// Dots.
     Dots(usize),
+    /// A box from the first point to the last, this far to both sides of the first.
+    Box(usize, f64),
 }
 
 impl Look {
     fn color(self) -> &'static str {
-        let (Self::Line(color) | Self::Dashed(color) | Self::Wide(color, _) | Self::Dots(color)) = self;
+        let (Self::Line(color)
+        | Self::Dashed(color)
+        | Self::Wide(color, _)
+        | Self::Dots(color)
+        | Self::Box(color, _)) = self;
         COLORS[color % COLORS.len()]
     }
 }
@@ -60,6 +66,8 @@ pub struct Axis {
     pub range: Option<(f64, f64)>,
     /// True for a logarithmic one.
     pub is_log: bool,
+    /// What stands below 1, 2, 3, ...; numbers where it is left out. Of the axis to the right alone.
+    pub names: Vec<String>,
 }
 
 impl Axis {
@@ -71,6 +79,12 @@ impl Axis {
     /// The same with these ends.
     pub fn between(self, least: f64, most: f64) -> Self {
         Self { range: Some((least, most)), ..self }
+    }
+
+    /// The same with names below 1, 2, 3, ..., from half a place before the first to half a place after the last.
+    pub fn named(self, names: impl IntoIterator<Item = impl Into<String>>) -> Self {
+        let names: Vec<String> = names.into_iter().map(Into::into).collect();
+        Self { range: Some((0.5, names.len() as f64 + 0.5)), names, ..self }
     }
 
     /// The same, logarithmic.
@@ -156,11 +170,15 @@ impl Sheet {
             if trace.name.is_empty() || entries.iter().any(|entry| entry.label == trace.name) {
                 continue;
             }
-            let is_dots = matches!(trace.look, Look::Dots(_));
+            let shape = match trace.look {
+                Look::Dots(_) => LegendShape::Circle,
+                Look::Box(..) => LegendShape::Rect,
+                _ => LegendShape::Line,
+            };
             entries.push(LegendEntry {
                 label: trace.name.clone(),
                 color: trace.look.color().to_owned(),
-                shape: if is_dots { LegendShape::Circle } else { LegendShape::Line },
+                shape,
                 dasharray: matches!(trace.look, Look::Dashed(_)).then(|| "6 4".to_owned()),
             });
         }
@@ -208,6 +226,9 @@ impl Chart {
             .with_y_axis_max(y.1);
         if let Some(title) = &self.title {
             layout = layout.with_title(title.clone()).with_title_size(TITLE_SIZE);
+        }
+        if !self.x.names.is_empty() {
+            layout = layout.with_x_categories(self.x.names.clone());
         }
         if self.is_to_scale {
             layout = layout.with_equal_aspect();
@@ -259,6 +280,13 @@ impl Trace {
             Look::Line(_) => line(1.3).into(),
             Look::Dashed(_) => line(1.5).with_dashed().into(),
             Look::Wide(_, width) => line(width).into(),
+            Look::Box(_, half_width) => {
+                let (first, last) = (self.points.first(), self.points.last());
+                let (x, low) = first.copied().unwrap_or_default();
+                let high = last.map_or(low, |point| point.1);
+                let band = BandPlot::new([x - half_width, x + half_width], [low, low], [high, high]);
+                band.with_color(color).with_opacity(1.0).into()
+            }
             Look::Dots(_) => {
                 ScatterPlot::new().with_data(self.points.clone()).with_color(color).with_size(3.5).into()
             }

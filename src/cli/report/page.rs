@@ -21,34 +21,40 @@ pub struct Figure {
     pub svg: String,
 }
 
-/// The page as HTML.
-pub fn page(run: &Run, figures: &[Figure]) -> String {
-    let info = &run.info;
-    let mut text = format!(
+impl Figure {
+    /// As a part of a page.
+    pub fn html(&self) -> String {
+        let (name, caption) = (self.name, escaped(&self.caption));
+        format!("<figure id=\"{name}\">{}<figcaption>{caption}</figcaption></figure>\n", drawing(self))
+    }
+}
+
+/// A page of its own.
+pub fn document(title: &str, body: &str) -> String {
+    format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <title>{rig}</title><style>{STYLE}</style></head><body>\n<h1>{rig}</h1>\n<p>{}</p>\n",
-        escaped(&run.description),
-        rig = escaped(&info.rig),
-    );
+         <title>{title}</title><style>{STYLE}</style></head><body>\n<h1>{title}</h1>\n{body}</body></html>\n",
+        title = escaped(title),
+    )
+}
+
+/// The page of a run.
+pub fn page(run: &Run, figures: &[Figure]) -> String {
+    let mut text = format!("<p>{}</p>\n", escaped(&run.description));
     text += &summary(run);
     text += &steps(run);
     for figure in figures {
-        // Writing to a string does not fail.
-        let _ = writeln!(
-            text,
-            "<figure id=\"{}\">{}<figcaption>{}</figcaption></figure>",
-            figure.name,
-            drawing(figure),
-            escaped(&figure.caption)
-        );
+        text += &figure.html();
     }
     text += &timing(run);
     let events: String = run.events.iter().map(|event| format!("{}\n", escaped(event))).collect();
-    let _ = writeln!(text, "<h2>Events</h2>\n<pre>{events}</pre>\n</body></html>");
-    text
+    // Writing to a string does not fail.
+    let _ = writeln!(text, "<h2>Events</h2>\n<pre>{events}</pre>");
+    document(&run.info.rig, &text)
 }
 
-fn row(name: &str, value: &str) -> String {
+/// A row of a table of facts; the value is HTML.
+pub fn row(name: &str, value: &str) -> String {
     format!("<tr><th>{}</th><td>{}</td></tr>\n", escaped(name), value)
 }
 
@@ -143,6 +149,7 @@ fn drawing(figure: &Figure) -> String {
     }
 }
 
-fn escaped(text: &str) -> String {
+/// Text as HTML.
+pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
