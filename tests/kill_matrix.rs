@@ -273,6 +273,8 @@ fn closed_terminal_ends_both_sides_at_zero_current() {
 }
 
 /// Goal: `magsteer run ... 2>&1 | head` whose reader went away: the loop steers on, stops on request, and ends at zero current.
+///
+/// Proves SR-15.
 #[test]
 fn daemon_whose_output_nobody_reads_steers_on_and_ends_at_zero_current() {
     let world = World::new();
@@ -301,6 +303,8 @@ fn daemon_whose_output_nobody_reads_steers_on_and_ends_at_zero_current() {
 
 /// Goal: a machine without memory left: no more address space for the daemon from here on, while it steers. The loop asks
 /// for none and steers on; however it ends, the coils come to zero.
+///
+/// Proves SR-15 and SR-19.
 #[test]
 fn daemon_without_memory_left_steers_on_and_ends_at_zero_current() {
     let world = World::new();
