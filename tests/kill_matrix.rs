@@ -33,7 +33,8 @@ const PAIRS: usize = 3;
 const REST: f64 = 0.1;
 /// How long a process stays stopped: longer than a command's validity and a ramp, and than feedback may be old.
 const STOPPED: Duration = Duration::from_millis(450);
-/// Most cells of a hundred that may be struck in another state than theirs: the machine kept a process from running in between.
+/// Most cells of a hundred that may be struck in another state than theirs: the machine kept a process from
+/// running in between.
 const ELSEWHERE_MAX_PERCENT: usize = 5;
 /// Slew limit in the cases that strike during a ramp, A/s: from 1 A it takes 100 ms.
 const SLOW_SLEW: &str = "slew_max_a_per_s = 10.0";
@@ -151,8 +152,8 @@ impl Pair {
         until(armed, || format!("not armed: cause and age of poses {:?}: {}", last.get(), daemon.said()));
     }
 
-    /// What the daemon says of itself last before the strike. A stop that was asked for shows in a status or two; where
-    /// its ramp is over by then, that is what is struck.
+    /// What the daemon says of itself last before the strike. A stop that was asked for shows in a status or
+    /// two; where its ramp is over by then, that is what is struck.
     fn before_strike(&mut self, code: u32) -> StatusMessage {
         let shows = |status: &StatusMessage| {
             let still_steers = matches!(status.state, state::ARMED | state::ACTIVE | state::HOLDING);

@@ -307,8 +307,8 @@ fn expect_fault(bench: &mut Bench, cause: Cause) {
     assert_eq!(bench.hardware().guard().limit_breaks(), 0);
 }
 
-/// Goal: half of the periods missed for ever is what is borne; nine of ten stop the loop within the window and some,
-/// and it stays stopped until it has been punctual for a while.
+/// Goal: half of the periods missed for ever is what is borne; nine of ten stop the loop within the window
+/// and some, and it stays stopped until it has been punctual for a while.
 ///
 /// Proves SR-21.
 #[test]
@@ -329,8 +329,9 @@ fn loop_that_misses_too_many_periods_stops_and_one_that_misses_half_does_not() {
     bench.ask(Verb::Reset).expect("punctual since");
 }
 
-/// Goal: commands that the transport refuses for a while shorter than half of their validity are ridden through; for longer,
-/// the loop says so by its name before the driver's own watchdog is taken for lost authority.
+/// Goal: commands that the transport refuses for a while shorter than half of their validity are ridden
+/// through; for longer, the loop says so by its name before the driver's own watchdog is taken for lost
+/// authority.
 ///
 /// Proves SR-01.
 #[test]

@@ -2,11 +2,11 @@
 //!
 //! Terms: a *phase* is a stretch of the cycle between two of its steps; together they are the cycle's
 //! execution, from its tick until its record is put together, without gap or overlap. Not in it, since the
-//! record that carries these times is what is handled: counting them in the histograms, watching for a ramp, and
-//! copying the record and the answers into their rings. A cycle that is late for that shows as the next one's lateness.
-//! Method: the cycle says when a phase ends, and whoever runs it brings
-//! the clock: a [`StopWatch`] in real time, [`Untimed`] under stepped time. So the cycle itself reads no
-//! clock. A reading takes some 25 ns.
+//! record that carries these times is what is handled: counting them in the histograms, watching for a ramp,
+//! and copying the record and the answers into their rings. A cycle that is late for that shows as the next
+//! one's lateness. Method: the cycle says when a phase ends, and whoever runs it brings the clock: a
+//! [`StopWatch`] in real time, [`Untimed`] under stepped time. So the cycle itself reads no clock. A reading
+//! takes some 25 ns.
 
 use std::time::Duration;
 

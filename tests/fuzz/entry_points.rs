@@ -350,8 +350,8 @@ pub fn cloud(bytes: &[u8]) {
     }
 }
 
-/// Datagrams between a driver and its device, each taken for all of the three kinds: none, or one that is written as it was
-/// read.
+/// Datagrams between a driver and its device, each taken for all of the three kinds: none, or one that is
+/// written as it was read.
 pub fn datagrams(bytes: &[u8]) {
     let (coils, frames, magnets) = (RIG.coils.len(), RIG.frames.len(), RIG.magnets().count());
     if let Ok(request) = udp::Request::decode(bytes, coils, frames) {
@@ -383,8 +383,8 @@ fn with_file(name: &str, bytes: &[u8], read: impl FnOnce(PathBuf)) {
     let _ = fs::remove_dir_all(&folder);
 }
 
-/// A flight as it stands; and, so that what a checksum keeps out is looked at too, with the bytes up to their first zero as
-/// its header, the next one as the number of records in its one block, and the rest as these.
+/// A flight as it stands; and, so that what a checksum keeps out is looked at too, with the bytes up to their
+/// first zero as its header, the next one as the number of records in its one block, and the rest as these.
 pub fn flight(bytes: &[u8]) {
     with_file("a.flight", bytes, |path| look_at_flight(&path));
     let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());

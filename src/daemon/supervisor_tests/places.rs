@@ -1,5 +1,5 @@
-//! Every place that a supervisor can be in, as the table of events tells them apart: the states, and of those that hide
-//! several situations behind one code, each.
+//! Every place that a supervisor can be in, as the table of events tells them apart: the states, and of those
+//! that hide several situations behind one code, each.
 
 use magsteer_hal::Stamp;
 use magsteer_hal::operator::state;
@@ -9,10 +9,12 @@ use crate::daemon::causes::{Response, response};
 use crate::daemon::config::{DaemonConfig, SafeAction};
 use crate::daemon::state::{State, Verb};
 
-/// Letters of the places a supervisor may be found in; a cut fault and one that leaves the amplifiers alone apart.
+/// Letters of the places a supervisor may be found in; a cut fault and one that leaves the amplifiers alone
+/// apart.
 pub(super) const LETTERS: &str = "biqachlnskfm";
 
-/// The letter of a state at a moment. A new state, or another thing that a state remembers, does not compile until it has one.
+/// The letter of a state at a moment. A new state, or another thing that a state remembers, does not compile
+/// until it has one.
 pub(super) fn letter(state: &State, now: Stamp) -> char {
     match *state {
         State::Boot => 'b',

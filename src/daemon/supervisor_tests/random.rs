@@ -161,8 +161,9 @@ fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &
     }
 }
 
-/// Steering begins with what was measured and with nothing else, also after another episode, and goes on after a hold
-/// with what is held; a fault is left when its cause is seen to be over; the worst cause present is the one that is told.
+/// Steering begins with what was measured and with nothing else, also after another episode, and goes on
+/// after a hold with what is held; a fault is left when its cause is seen to be over; the worst cause present
+/// is the one that is told.
 fn check_causes(before: &State, decision: &Decision, bench: &Bench) {
     let after = bench.supervisor.state();
     let context = format!("{before:?} gave {decision:?}");

@@ -151,8 +151,8 @@ impl Event {
     }
 }
 
-/// Every verb in a row, each after the one before it. A new verb does not compile until it is one of them, and then
-/// fails the test below until it has its rows.
+/// Every verb in a row, each after the one before it. A new verb does not compile until it is one of them,
+/// and then fails the test below until it has its rows.
 fn verb_after(verb: Option<Verb>) -> Option<Verb> {
     let target = [[0.0, 0.0, 1.0]; 8];
     match verb {
@@ -189,10 +189,11 @@ fn energises(directive: Directive) -> bool {
     matches!(directive, Directive::Begin | Directive::Follow | Directive::Hold)
 }
 
-/// Goal: each event in each place, half a second later: where it leads, by the letters of `places`, and what is sent there,
-/// by those of `told`. The columns are the places before: `b`oot, `i`dle, claiming (`q`) with a driver about to confirm and
-/// with one that does not answer, `a`rmed, a`c`tive, `h`olding, holding b`l`ind and `n`ear a snap-through, `s`topping,
-/// stopping with currents `k`ept, a `f`ault that cut, and two that did not (`m`): all well by now, and poses still missing.
+/// Goal: each event in each place, half a second later: where it leads, by the letters of `places`, and what
+/// is sent there, by those of `told`. The columns are the places before: `b`oot, `i`dle, claiming (`q`) with
+/// a driver about to confirm and with one that does not answer, `a`rmed, a`c`tive, `h`olding, holding b`l`ind
+/// and `n`ear a snap-through, `s`topping, stopping with currents `k`ept, a `f`ault that cut, and two that did
+/// not (`m`): all well by now, and poses still missing.
 ///
 /// Proves SR-03, SR-14 and SR-21.
 #[test]
@@ -273,7 +274,8 @@ fn every_event_in_every_place_leads_where_the_table_says() {
     }
 }
 
-/// The last decision after an event in a place, and where it led. Nothing but `go` lets current flow where none did.
+/// The last decision after an event in a place, and where it led. Nothing but `go` lets current flow where
+/// none did.
 fn happens(event: Event, place: Place) -> (Decision, char) {
     let mut bench = place.bench(&shipped());
     let first = bench.directives.len() - 1;
