@@ -71,6 +71,8 @@ impl Bench {
 /// Goal: a coil that gets too hot under way is cut by the driver; the daemon shows the driver's fault, stays
 /// cut, refuses a reset as long as the driver complains, and is armed anew once it has cooled. Nothing
 /// resumes by itself.
+///
+/// Proves SR-12 and SR-03.
 #[test]
 fn a_coil_too_hot_ends_in_a_latched_fault_until_it_has_cooled() {
     let mut bench = Bench::new(|plant| {

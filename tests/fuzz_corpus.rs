@@ -129,3 +129,11 @@ fn messages_of_a_hostile_peer_are_refused_or_usable() {
     withstands("messages", 7, entry_points::messages);
     withstands("cloud", 8, entry_points::cloud);
 }
+
+/// Proves SR-18.
+#[test]
+fn datagrams_flights_and_journals_never_bring_the_program_down() {
+    withstands("datagrams", 9, entry_points::datagrams);
+    withstands("flight", 10, entry_points::flight);
+    withstands("journal", 11, entry_points::journal);
+}

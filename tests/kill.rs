@@ -251,6 +251,7 @@ fn lives(pid: u32) -> bool {
     status.rsplit_once(')').is_some_and(|(_, rest)| !rest.trim_start().starts_with(['Z', 'X']))
 }
 
+/// Proves SR-15.
 #[test]
 fn children_of_a_killed_demonstration_end_by_themselves_at_zero_current() {
     let world = World::new();
@@ -283,6 +284,7 @@ fn children_of_a_killed_demonstration_end_by_themselves_at_zero_current() {
     assert!(!Path::new(&root).exists());
 }
 
+/// Proves SR-15.
 #[test]
 fn interrupted_demonstration_ends_with_130_at_zero_current_and_leaves_nothing() {
     let world = World::new();

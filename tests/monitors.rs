@@ -138,6 +138,8 @@ impl Steering {
 }
 
 /// Goal: a wire that breaks while its coil carries less than the driver's own watch can tell from nothing.
+///
+/// Proves SR-12.
 #[test]
 fn coil_that_opens_at_a_small_current_is_found() {
     let steering = Steering::at([100.0, 105.0], |_| ());
@@ -172,6 +174,8 @@ fn coil_that_opens_at_a_small_current_is_found() {
 
 /// Goal: with coils that bear little, the heat of what steering takes is warned of first, stops the loop then, and keeps
 /// it from being armed until they have cooled.
+///
+/// Proves SR-28.
 #[test]
 fn coils_that_take_up_more_heat_than_they_bear_stop_the_loop_until_they_cooled() {
     let mut steering = Steering::at([90.0, 90.0], |daemon| {
@@ -193,6 +197,8 @@ fn coils_that_take_up_more_heat_than_they_bear_stop_the_loop_until_they_cooled()
 }
 
 /// Goal: a frame that stalls while frames steer is found by its angle, before it is as far off as the driver's own watch allows.
+///
+/// Proves SR-12.
 #[test]
 fn frame_that_stalls_while_frames_steer_is_found() {
     let setup = Setup::shipped("bigmag-3d.toml");
@@ -220,6 +226,8 @@ fn frame_that_stalls_while_frames_steer_is_found() {
 }
 
 /// Goal: frames that travel for seconds at their greatest speed lag behind, and nothing trips.
+///
+/// Proves SR-12.
 #[test]
 fn frames_that_travel_at_full_speed_trip_nothing() {
     let setup = Setup::shipped("bigmag-3d.toml");
@@ -270,6 +278,7 @@ fn turn(pose: &mut magsteer_hal::PoseMessage, degrees: f64) {
     }
 }
 
+/// Proves SR-10.
 #[test]
 fn poses_that_shake_faster_than_a_rod_stop_the_loop() {
     let mut steering = Steering::at([90.0, 90.0], |_| ());
@@ -278,6 +287,8 @@ fn poses_that_shake_faster_than_a_rod_stop_the_loop() {
 }
 
 /// Goal: one outlier now and then is ridden through.
+///
+/// Proves SR-10.
 #[test]
 fn poses_with_an_outlier_now_and_then_are_ridden_through() {
     let mut steering = Steering::at([90.0, 90.0], |_| ());
@@ -289,6 +300,7 @@ fn poses_with_an_outlier_now_and_then_are_ridden_through() {
     assert_eq!(steering.stop_within(5.0), None);
 }
 
+/// Proves SR-10 and SR-11.
 #[test]
 fn poses_outside_of_the_workspace_stop_the_loop() {
     let mut steering = Steering::at([90.0, 90.0], |_| ());
@@ -301,6 +313,8 @@ fn poses_outside_of_the_workspace_stop_the_loop() {
 }
 
 /// Goal: a sensor that turned in its mount by less than what makes poses implausible is found by and by.
+///
+/// Proves SR-28.
 #[test]
 fn sensor_that_turned_in_its_mount_is_found() {
     let mut steering = Steering::at([90.0, 90.0], |_| ());
@@ -314,6 +328,7 @@ fn sensor_that_turned_in_its_mount_is_found() {
     steering.expect(Cause::ModelOff, 6.0);
 }
 
+/// Proves SR-28.
 #[test]
 fn controller_that_froze_stops_the_loop() {
     let mut steering = Steering::at([90.0, 90.0], |_| ());
@@ -321,6 +336,7 @@ fn controller_that_froze_stops_the_loop() {
     steering.expect(Cause::NotProgressing, 0.5);
 }
 
+/// Proves SR-28.
 #[test]
 fn controller_that_comes_no_nearer_stops_the_loop() {
     let mut steering = Steering::at([90.0, 90.0], |daemon| daemon.monitors.progress_stop_ms = 2_000.0);
@@ -330,6 +346,8 @@ fn controller_that_comes_no_nearer_stops_the_loop() {
 }
 
 /// Goal: what stops an active daemon is told by a passive one, which steers on; an emergency stop acts all the same.
+///
+/// Proves SR-14.
 #[test]
 fn passive_daemon_tells_and_steers_on() {
     let mut steering = Steering::at([90.0, 90.0], |daemon| daemon.mode = Mode::Passive);
@@ -389,6 +407,8 @@ fn stopped_with(action: SafeAction) -> (f64, f64) {
 }
 
 /// Goal: what safe means, by the plant's own currents: at zero at once, at zero after a hold, and cut.
+///
+/// Proves SR-10.
 #[test]
 fn safe_action_is_what_the_coils_do() {
     let [ramp, hold, cut] =
@@ -441,6 +461,8 @@ fn nominal(file: &str, seed: u64, seconds: f64, spread_deg: f64) -> Nominal {
 }
 
 /// Goal: no false trip: a simulated minute in the suite, or as many as the variable says, over plants of several seeds.
+///
+/// Proves SR-28.
 #[test]
 fn nominal_running_trips_nothing() {
     let minutes: f64 =
@@ -455,6 +477,8 @@ fn nominal_running_trips_nothing() {
 }
 
 /// Goal: the same with the camera, whose poses come at 30 Hz and 60 ms late.
+///
+/// Proves SR-28.
 #[test]
 fn nominal_running_by_the_camera_trips_nothing() {
     let came = nominal("bigmag-planar-camera.toml", 1, 15.0, 15.0);

@@ -17,6 +17,19 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// Where every test is one of safety, so that each says what it proves.
+const SAFETY: [&str; 9] = [
+    "tests/driver_fault.rs",
+    "tests/fault_matrix.rs",
+    "tests/kill.rs",
+    "tests/kill_matrix.rs",
+    "tests/monitors.rs",
+    "tests/security.rs",
+    "tests/surroundings.rs",
+    "tests/systemd.rs",
+    "src/daemon/supervisor_tests",
+];
+
 /// The ids of a line or text, as `SR-01`, in order.
 fn ids(text: &str) -> Vec<String> {
     let digits = |rest: &str| rest.bytes().take_while(u8::is_ascii_digit).count();
@@ -46,12 +59,24 @@ fn proved(text: &str) -> Result<Vec<(String, String)>, String> {
         if !below().any(|line| *line == "#[test]") {
             return Err(format!("line {}: {name} is no test", number + 1));
         }
+        let around = lines[..number].iter().rev().take_while(|line| line.starts_with(['/', '#'])).copied();
+        if around.chain(below().copied()).any(|line| line.starts_with("#[ignore")) {
+            return Err(format!("line {}: {name} is ignored", number + 1));
+        }
         found.extend(ids(comment).into_iter().map(|id| (id, name.to_owned())));
     }
     Ok(found)
 }
 
-/// Every Rust file below a folder.
+/// Every test of a source by name.
+fn tests(text: &str) -> Vec<String> {
+    let lines: Vec<&str> = text.lines().map(str::trim).collect();
+    let marked = lines.iter().enumerate().filter(|(_, line)| **line == "#[test]");
+    let function = |(number, _)| lines[number + 1..].iter().find_map(|line: &&str| line.strip_prefix("fn "));
+    marked.filter_map(function).filter_map(|line| Some(line.split_once('(')?.0.to_owned())).collect()
+}
+
+/// Every Rust file below a folder, or the file itself.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut pending = vec![folder.to_owned()];
     let mut found = Vec::new();
@@ -78,6 +103,11 @@ fn the_scanner_finds_ids_and_marks_that_stand_above_no_test() {
         proved("/// Proves SR-01.\nconst A: u8 = 1;\n"),
         Err("line 1: Proves SR- above no function".to_owned())
     );
+    assert_eq!(
+        proved("/// Proves SR-01.\n#[test]\n#[ignore = \"slow\"]\nfn slow() {}\n"),
+        Err("line 1: slow is ignored".to_owned())
+    );
+    assert_eq!(tests(text), ["holds", "other", "inner"]);
     assert_eq!(listed("| id |\n|---|\n| SR-01 | never (see SR-02) |\nSR-05\n"), ["SR-01"]);
 }
 
@@ -106,4 +136,19 @@ fn every_requirement_has_a_test_and_every_mark_a_requirement() {
     for (id, tests) in &proofs {
         assert!(unique.contains(id), "{tests:?} prove {id}, which {LIST} does not list");
     }
+}
+
+#[test]
+fn every_test_of_safety_says_which_requirement_it_proves() {
+    let mut silent = Vec::new();
+    for path in SAFETY.iter().flat_map(|place| sources(&root().join(place))) {
+        let text = fs::read_to_string(&path).expect("readable");
+        let found = proved(&text).unwrap_or_else(|mistake| panic!("{}: {mistake}", path.display()));
+        let speaks = |test: &String| found.iter().any(|(_, name)| name == test);
+        let here = tests(&text);
+        silent.extend(
+            here.iter().filter(|test| !speaks(test)).map(|test| format!("{}: {test}", path.display())),
+        );
+    }
+    assert!(silent.is_empty(), "these prove nothing that was promised: {silent:#?}");
 }

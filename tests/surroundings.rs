@@ -151,7 +151,7 @@ impl Broken {
     }
 }
 
-/// Proves SR-15.
+/// Proves SR-15 and SR-29.
 #[test]
 fn who_steers_does_not_mind_that_nobody_takes_its_output() {
     for what in [Broken::Pipe, Broken::Disk] {
@@ -201,6 +201,8 @@ impl Drop for SmallDisk {
 
 /// Goal: flights, journal and recording meet a disk that is full; the loop goes on, the status warns, and the recorder
 /// says what it lost.
+///
+/// Proves SR-29.
 #[test]
 fn a_full_disk_stops_the_recording_and_not_the_loop() {
     let world = World::new();

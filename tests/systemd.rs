@@ -136,6 +136,7 @@ fn value<'a>(unit: &'a str, key: &str) -> &'a str {
     values.next_back().unwrap_or_else(|| panic!("{key} is stated"))
 }
 
+/// Proves SR-20.
 #[test]
 fn units_agree_with_the_program_and_the_shipped_configuration() {
     let (document, config) =
@@ -167,6 +168,7 @@ fn units_agree_with_the_program_and_the_shipped_configuration() {
     assert!(stop_s > 10.0 && stop_s > 1e-3 * shipped.ramp_timeout_ms);
 }
 
+/// Proves SR-16 and SR-17.
 #[test]
 fn units_are_valid_and_hardly_exposed() {
     if !Command::new("systemd-analyze").arg("--version").output().is_ok_and(|run| run.status.success()) {

@@ -8,7 +8,7 @@ use magsteer_hal::message::{driver_state, order};
 use magsteer_hal::operator::{Cause, state};
 use magsteer_hal::scripted::{EchoHardware, example_description};
 use magsteer_hal::send::HeaderWriter;
-use magsteer_hal::{Actuation, CoilFeedback, Stamp};
+use magsteer_hal::{Actuation, AdmittedCommand, CoilFeedback, Hardware, Sensed, Stamp, WriteError};
 use rand::{RngExt, SeedableRng};
 
 use super::clock::Tick;
@@ -31,6 +31,7 @@ struct Scripted {
     verdict: Verdict,
     in_force: Directions,
     margin: f64,
+    field_valid: bool,
     seen: Option<CycleInput>,
 }
 
@@ -41,14 +42,31 @@ impl Step for Scripted {
         let mut outcome = CycleOutcome { desired: self.desired, ..CycleOutcome::asking_for(request) };
         outcome.model.converged = self.converged;
         (outcome.verdict, outcome.in_force) = (self.verdict, self.in_force.into());
-        outcome.model.margin = self.margin;
+        (outcome.model.margin, outcome.model.field_valid) = (self.margin, self.field_valid);
         outcome
+    }
+}
+
+/// An ideal rig at the end of a line.
+struct Line {
+    rig: EchoHardware,
+    /// True: no command gets through, and the transport says so.
+    is_cut: bool,
+}
+
+impl Hardware for Line {
+    fn read(&mut self, now: Stamp) -> Sensed {
+        self.rig.read(now)
+    }
+
+    fn write(&mut self, command: &AdmittedCommand, now: Stamp) -> Result<(), WriteError> {
+        if self.is_cut { Err(WriteError::Transport) } else { self.rig.write(command, now) }
     }
 }
 
 /// A loop under stepped time.
 struct Bench {
-    control_loop: ControlLoop<EchoHardware, Scripted>,
+    control_loop: ControlLoop<Line, Scripted>,
     tick: Tick,
     next_id: u32,
 }
@@ -66,8 +84,9 @@ impl Bench {
             verdict: Verdict::Unchecked,
             in_force: [UP; 8],
             margin: 1.0,
+            field_valid: true,
         };
-        let hardware = EchoHardware::new(description);
+        let hardware = Line { rig: EchoHardware::new(description), is_cut: false };
         let options = LoopOptions { realtime_missing: false, token_seed: 3 };
         let control_loop = ControlLoop::new(hardware, controller, description, &shipped(), options);
         let tick = Tick::first(Stamp::from_nanoseconds(5_000_000_000));
@@ -117,7 +136,11 @@ impl Bench {
     }
 
     fn hardware(&mut self) -> &mut EchoHardware {
-        self.control_loop.hardware_mut()
+        &mut self.control_loop.hardware_mut().rig
+    }
+
+    fn cut_line(&mut self, is_cut: bool) {
+        self.control_loop.hardware_mut().is_cut = is_cut;
     }
 
     fn controller(&mut self) -> &mut Scripted {
@@ -274,6 +297,92 @@ fn a_model_that_does_not_converge_is_ridden_through_for_its_limit_only() {
     assert_eq!(bench.cycles(250)[249].decision.state, state::ACTIVE);
     let last = bench.cycles(100)[99].decision;
     assert_eq!((last.state, last.cause), (state::FAULT, Some(Cause::ModelNotConverged)));
+}
+
+/// Goal: after 300 ms the loop is in a fault for `cause`, and no current is left.
+fn expect_fault(bench: &mut Bench, cause: Cause) {
+    let record = bench.cycles(300)[299];
+    assert_eq!((record.decision.state, record.decision.cause), (state::FAULT, Some(cause)));
+    assert_eq!(largest(&record.feedback.expect("alive").measured), 0.0, "{cause:?}");
+    assert_eq!(bench.hardware().guard().limit_breaks(), 0);
+}
+
+/// Goal: half of the periods missed for ever is what is borne; nine of ten stop the loop within the window
+/// and some, and it stays stopped until it has been punctual for a while.
+///
+/// Proves SR-21.
+#[test]
+fn loop_that_misses_too_many_periods_stops_and_one_that_misses_half_does_not() {
+    let mut bench = Bench::active();
+    bench.cycles(100);
+    for _ in 0..2_000 {
+        assert_eq!(bench.after_stall(Duration::from_millis(2)).decision.state, state::ACTIVE);
+    }
+    bench.cycles(400);
+    let late = |bench: &mut Bench| bench.after_stall(Duration::from_millis(10)).decision.state;
+    let cycles = (1..100).find(|_| late(&mut bench) >= state::SAFE_STOP).expect("too many");
+    // Each misses 9 periods while 10 drain 5: 4 more of the 200 that are borne.
+    assert_eq!(cycles, 50);
+    bench.cycles(100);
+    assert_eq!(bench.ask(Verb::Reset).err(), Some(Cause::Overruns), "punctual for 100 ms only");
+    expect_fault(&mut bench, Cause::Overruns);
+    bench.ask(Verb::Reset).expect("punctual since");
+}
+
+/// Goal: commands that the transport refuses for a while shorter than half of their validity are ridden
+/// through; for longer, the loop says so by its name before the driver's own watchdog is taken for lost
+/// authority.
+///
+/// Proves SR-01.
+#[test]
+fn commands_that_cannot_be_sent_stop_the_loop_by_their_name() {
+    let mut bench = Bench::active();
+    bench.cycles(100);
+    for _ in 0..5 {
+        bench.cut_line(true);
+        assert_eq!(bench.cycles(50)[49].decision.state, state::ACTIVE);
+        bench.cut_line(false);
+        assert_eq!(bench.cycles(50)[49].decision.state, state::ACTIVE);
+    }
+    bench.cut_line(true);
+    expect_fault(&mut bench, Cause::CommandNotSent);
+    assert_eq!(bench.hardware().guard().state(), driver_state::IDLE, "it came to zero by itself");
+    bench.cut_line(false);
+    bench.ask(Verb::Reset).expect("the line is whole");
+    bench.ask(Verb::Arm).expect("the driver is idle");
+}
+
+/// Proves SR-25.
+#[test]
+fn rod_that_the_model_has_beyond_a_snap_through_stops_the_loop_after_its_time_only() {
+    let mut bench = Bench::active();
+    bench.cycles(100);
+    for _ in 0..5 {
+        bench.controller().margin = -0.05;
+        assert_eq!(bench.cycles(150)[149].decision.state, state::HOLDING, "currents are kept");
+        bench.controller().margin = 0.5;
+        bench.cycles(10);
+    }
+    bench.controller().margin = -0.05;
+    expect_fault(&mut bench, Cause::StabilityLost);
+}
+
+/// Proves SR-10.
+#[test]
+fn magnets_outside_of_the_field_model_stop_the_loop_after_its_time_only() {
+    let mut bench = Bench::active();
+    for _ in 0..5 {
+        bench.controller().field_valid = false;
+        assert_eq!(bench.cycles(250)[249].decision.state, state::ACTIVE);
+        bench.controller().field_valid = true;
+        bench.cycles(10);
+    }
+    bench.controller().field_valid = false;
+    bench.cycles(100);
+    expect_fault(&mut bench, Cause::FieldModelInvalid);
+    assert_eq!(bench.ask(Verb::Reset).err(), Some(Cause::FieldModelInvalid), "they still are");
+    bench.controller().field_valid = true;
+    bench.ask(Verb::Reset).expect("they are back");
 }
 
 #[test]

@@ -1,9 +1,12 @@
 //! Where in a cycle its time goes.
 //!
 //! Terms: a *phase* is a stretch of the cycle between two of its steps; together they are the cycle's
-//! execution, without gap or overlap. Method: the cycle says when a phase ends, and whoever runs it brings
-//! the clock: a [`StopWatch`] in real time, [`Untimed`] under stepped time. So the cycle itself reads no
-//! clock. A reading takes some 25 ns.
+//! execution, from its tick until its record is put together, without gap or overlap. Not in it, since the
+//! record that carries these times is what is handled: counting them in the histograms, watching for a ramp,
+//! and copying the record and the answers into their rings. A cycle that is late for that shows as the next
+//! one's lateness. Method: the cycle says when a phase ends, and whoever runs it brings the clock: a
+//! [`StopWatch`] in real time, [`Untimed`] under stepped time. So the cycle itself reads no clock. A reading
+//! takes some 25 ns.
 
 use std::time::Duration;
 
@@ -33,7 +36,7 @@ pub struct PhaseTimes {
     pub decide: Duration,
     /// See [`Phase::Write`].
     pub write: Duration,
-    /// From the end of the write to the cycle's end: its record is put together.
+    /// From the end of the write until the cycle's record is put together; handing it on is in no phase.
     pub record: Duration,
 }
 
@@ -44,7 +47,7 @@ impl PhaseTimes {
         self.read + self.control + self.decide + self.write
     }
 
-    /// The cycle's execution time.
+    /// The cycle's execution time, without the record's handing on.
     #[must_use]
     pub fn total(&self) -> Duration {
         self.until_sent() + self.record

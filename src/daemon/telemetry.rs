@@ -89,6 +89,7 @@ pub struct Telemetry {
     next_id: u32,
     arm_at_start: Option<ArmAtStart>,
     rig: Counts,
+    rig_name: String,
     recorder: Option<Recorder>,
     feed: RecordFeed,
     companion: Option<Companion>,
@@ -122,6 +123,7 @@ impl Telemetry {
                 magnets: u32::try_from(description.magnets().count()).unwrap_or(u32::MAX),
                 frames: u32::try_from(description.frames.len()).unwrap_or(u32::MAX),
             },
+            rig_name: description.rig.clone(),
             recorder: recording.recorder,
             feed: RecordFeed::new(recording.config_digest),
             companion: recording.companion,
@@ -190,15 +192,15 @@ impl Telemetry {
     fn take_records(&mut self, now: Stamp) {
         while let Ok(record) = self.rings.records.pop() {
             if record.decision.transition.is_some() {
-                log_transition(&record);
+                log_transition(&self.rig_name, &record);
             }
             if let Some(cause) = record.decision.given_up {
-                log(format_args!("target given up: {} (cause {})", cause.text(), cause.code()));
+                log_cause(&self.rig_name, &record, "target given up", cause);
             }
             self.feed.take(&record, &mut self.server, now);
             self.recorder.iter_mut().for_each(|recorder| recorder.take(&record));
             if let Some(cause) = record.decision.judgements.begun {
-                log(format_args!("passive: would have tripped: {} (cause {})", cause.text(), cause.code()));
+                log_cause(&self.rig_name, &record, "passive: would have tripped", cause);
             }
             self.view.take(&record);
         }
@@ -372,11 +374,12 @@ pub fn log(line: std::fmt::Arguments<'_>) {
 }
 
 /// A change of state, with what a filter of the journal would ask for.
-fn log_transition(record: &CycleRecord) {
+fn log_transition(rig: &str, record: &CycleRecord) {
     let Some(transition) = record.decision.transition else { return };
     let (from, to) = (state::name(transition.from), state::name(transition.to));
     let code = transition.cause.map_or(0, Cause::code);
     let mut fields: Vec<Field<'_>> = vec![
+        ("MAGSTEER_RIG", &rig),
         ("MAGSTEER_FROM", &from),
         ("MAGSTEER_STATE", &to),
         ("MAGSTEER_CAUSE", &code),
@@ -387,6 +390,19 @@ fn log_transition(record: &CycleRecord) {
         fields.push(("MAGSTEER_CAUSE_TEXT", text));
     }
     tell(priority(transition.to, transition.cause), &fields, format_args!("{}", TransitionLine(record)));
+}
+
+/// What happened for `cause` without a change of state, with the fields that one has.
+fn log_cause(rig: &str, record: &CycleRecord, what: &str, cause: Cause) {
+    let (state, code, text) = (state::name(record.decision.state), cause.code(), cause.text());
+    let fields: [Field<'_>; 5] = [
+        ("MAGSTEER_RIG", &rig),
+        ("MAGSTEER_STATE", &state),
+        ("MAGSTEER_CAUSE", &code),
+        ("MAGSTEER_CAUSE_TEXT", &text),
+        ("MAGSTEER_CYCLE", &record.tick.number),
+    ];
+    tell(Priority::Warning, &fields, format_args!("{what}: {text} (cause {code})"));
 }
 
 /// A fault is an error; a stop that nobody asked for, and sensing that was lost, are warnings.

@@ -224,7 +224,8 @@ impl Watch {
         };
         let obeys = driver.epoch == epoch && driver.state == driver_state::DRIVEN;
         let lost = !obeys || self.trust.driver_restarted(seen);
-        let failing = lasted(self.write_failing_since, seen.now, self.limits.command_validity);
+        // Before the driver's own watchdog acts, which would be taken for lost authority.
+        let failing = lasted(self.write_failing_since, seen.now, self.limits.command_validity / 2);
         [
             self.trust.is_astray().then_some(Cause::NotFollowing),
             self.monitors.actuation_cause(),

@@ -3,16 +3,21 @@
 //! Each also asserts what is promised of what it lets through. Used by the fuzz targets beside it and by
 //! `tests/fuzz_corpus.rs`.
 
+use std::fs;
+use std::path::PathBuf;
 use std::sync::LazyLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use magsteer::config::{Config, Document, Experiment, Problems};
 use magsteer::control::identification;
 use magsteer::control::plan::parse_targets;
+use magsteer::daemon::recorder::{Crc32, Ending, Flight, FlightLabel, JOURNAL, read_journal};
 use magsteer::magnetics::fit;
 use magsteer_hal::fault::{FaultAnswer, FaultPlan, FaultPlanConfig, FaultRequest, Injector, Reach};
 use magsteer_hal::message::SCHEMA;
 use magsteer_hal::shape::{CentrelineKind, CloudSettings, CloudShape};
+use magsteer_hal::udp;
 use magsteer_hal::{
     Actuation, COILS_MAX, CoilCommand, CoilFeedback, CommandGuard, FeedbackReceiver, HardwareDescription,
     Header, HeaderWriter, MAGNETS_MAX, POSE_PARAMETERS_MAX, PoseMessage, PoseReceiver, Stamp,
@@ -343,4 +348,81 @@ pub fn cloud(bytes: &[u8]) {
             assert!((norm - 1.0).abs() < 1e-9, "{magnet:?}");
         }
     }
+}
+
+/// Datagrams between a driver and its device, each taken for all of the three kinds: none, or one that is
+/// written as it was read.
+pub fn datagrams(bytes: &[u8]) {
+    let (coils, frames, magnets) = (RIG.coils.len(), RIG.frames.len(), RIG.magnets().count());
+    if let Ok(request) = udp::Request::decode(bytes, coils, frames) {
+        let written = request.encode(coils, frames);
+        let again = udp::Request::decode(&written, coils, frames).expect("its own");
+        assert_eq!(again.encode(coils, frames), written);
+    }
+    if let Ok(answer) = udp::Answer::decode(bytes, coils, frames) {
+        let written = answer.encode(coils, frames);
+        let again = udp::Answer::decode(&written, coils, frames).expect("its own");
+        assert_eq!(again.encode(coils, frames), written);
+    }
+    if let Ok(poses) = udp::Poses::decode(bytes, magnets) {
+        assert_eq!(poses.magnet_count as usize, magnets);
+        let written = poses.encode();
+        let again = udp::Poses::decode(&written, magnets).expect("its own");
+        assert_eq!(again.encode(), written);
+    }
+}
+
+/// A file of these bytes in a folder of its own, which is removed afterwards.
+fn with_file(name: &str, bytes: &[u8], read: impl FnOnce(PathBuf)) {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    let number = NEXT.fetch_add(1, Ordering::Relaxed);
+    let folder = std::env::temp_dir().join(format!("magsteer-fuzz-{}-{number}", std::process::id()));
+    fs::create_dir_all(&folder).expect("a directory for temporary files");
+    fs::write(folder.join(name), bytes).expect("room for a small file");
+    read(folder.join(name));
+    let _ = fs::remove_dir_all(&folder);
+}
+
+/// A flight as it stands; and, so that what a checksum keeps out is looked at too, with the bytes up to their
+/// first zero as its header, the next one as the number of records in its one block, and the rest as these.
+pub fn flight(bytes: &[u8]) {
+    with_file("a.flight", bytes, |path| look_at_flight(&path));
+    let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    let mut file = b"MSFLIGHT\x01\0\0\0".to_vec();
+    file.extend(u32::try_from(end).unwrap_or(u32::MAX).to_le_bytes());
+    file.extend(&bytes[..end]);
+    file.extend(Crc32::new().with(&file).value().to_le_bytes());
+    let at = file.len();
+    let records = bytes.get(end + 2..).unwrap_or_default();
+    file.extend(b"BLCK\0\0\0\0");
+    file.extend([bytes.get(end + 1).copied().unwrap_or(1), 0, 0, 0]);
+    file.extend(records);
+    let checksum = Crc32::new().with(&file[at..]).value();
+    file.extend(checksum.to_le_bytes());
+    with_file("a.flight", &file, |path| look_at_flight(&path));
+}
+
+fn look_at_flight(path: &std::path::Path) {
+    match FlightLabel::read(path) {
+        Err(error) => assert!(!error.to_string().is_empty()),
+        Ok(label) => assert!(!label.header.words().is_empty()),
+    }
+    let Ok(flight) = Flight::read(path) else { return };
+    assert_eq!(flight.ending == Ending::Complete, flight.ending.words().is_none());
+    for record in 0..flight.records().min(64) {
+        assert_eq!(flight.record(record).len(), flight.header.columns.len());
+        for column in &flight.header.columns {
+            let _ = (flight.count(record, &column.name), flight.number(record, &column.name));
+        }
+    }
+}
+
+/// A journal of events.
+pub fn journal(bytes: &[u8]) {
+    with_file(JOURNAL, bytes, |path| {
+        let folder = path.parent().expect("in a folder");
+        let page = read_journal(folder).expect("it can be read");
+        assert!(page.entries.iter().all(|entry| !entry.event.is_empty()));
+        assert!(page.entries.len() as u64 + page.damaged <= bytes.len() as u64 + 1);
+    });
 }

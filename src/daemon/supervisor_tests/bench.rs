@@ -45,6 +45,8 @@ pub(super) struct Bench {
     pub(super) shake: f64,
     /// False freezes the controller's view of them.
     pub(super) controller_sees: bool,
+    /// What was directed so far, without repetitions.
+    pub(super) directives: Vec<Directive>,
     cycle_count: u64,
     healthy: Observation,
 }
@@ -96,6 +98,7 @@ impl Bench {
             current: 2.0,
             shake: 0.0,
             controller_sees: true,
+            directives: Vec::new(),
             cycle_count: 0,
             healthy: seen,
         }
@@ -125,6 +128,9 @@ impl Bench {
         self.next_id += 1;
         let decision = self.supervisor.step(&self.seen, verb.map(|verb| Request { id, verb }));
         self.obey(&decision);
+        if self.directives.last() != Some(&decision.directive) {
+            self.directives.push(decision.directive);
+        }
         decision
     }
 

@@ -10,6 +10,7 @@ use crate::daemon::config::tests::shipped;
 use crate::daemon::state::{Directive, Verb};
 use crate::daemon::supervisor::Supervisor;
 
+/// Proves SR-10.
 #[test]
 fn poses_late_by_the_hold_limit_hold_and_come_back_without_a_request() {
     let mut bench = Bench::active();
@@ -39,6 +40,7 @@ fn poses_missing_for_the_stop_limit_end_in_a_latched_fault() {
     assert_eq!(bench.ask(Verb::Reset), Ok(state::IDLE));
 }
 
+/// Proves SR-10.
 #[test]
 fn poses_that_cannot_be_true_count_as_none() {
     let mut bench = Bench::active();
@@ -60,6 +62,7 @@ fn poses_that_cannot_be_true_count_as_none() {
     assert_eq!(bench.ask(Verb::Reset), Ok(state::IDLE));
 }
 
+/// Proves SR-28.
 #[test]
 fn model_without_an_equilibrium_condemns_no_poses() {
     let mut bench = Bench::active();
@@ -82,6 +85,7 @@ fn currents_may_stay_away_from_commands_for_a_while_and_no_longer() {
     assert_eq!(bench.cycle(None).cause, Some(Cause::NotFollowing));
 }
 
+/// Proves SR-10 and SR-12.
 #[test]
 fn what_disagrees_most_of_the_time_is_found_out() {
     for (sound, astray) in [(0.0, 2.0), (0.0, 9.0)] {
@@ -104,6 +108,7 @@ fn what_disagrees_most_of_the_time_is_found_out() {
     assert_eq!(bench.cycle(None).cause, Some(Cause::PoseImplausible));
 }
 
+/// Proves SR-03.
 #[test]
 fn another_life_of_driver_or_sensor_can_be_armed_anew() {
     let mut bench = Bench::active();
@@ -116,6 +121,7 @@ fn another_life_of_driver_or_sensor_can_be_armed_anew() {
     assert_eq!(bench.cycles(100).state, state::ACTIVE);
 }
 
+/// Proves SR-10.
 #[test]
 fn an_operators_hold_outlasts_a_loss_of_sensing() {
     let mut bench = Bench::in_state(state::HOLDING);
@@ -179,6 +185,7 @@ fn arming_is_refused_when_enforced_real_time_is_missing() {
     assert_eq!(bench.ask(Verb::Arm), Err(Cause::RealtimeMissing));
 }
 
+/// Proves SR-13.
 #[test]
 fn a_stop_cancels_a_claim_and_both_requests_are_answered() {
     let mut bench = Bench::idle();
@@ -216,6 +223,7 @@ fn a_ramp_that_takes_too_long_cuts_the_amplifiers() {
     assert_eq!(bench.ask(Verb::Reset), Err(Cause::RampTimeout), "current still flows");
 }
 
+/// Proves SR-03.
 #[test]
 fn the_worst_cause_of_an_episode_wins_and_stays() {
     let mut bench = Bench::active();
@@ -230,6 +238,7 @@ fn the_worst_cause_of_an_episode_wins_and_stays() {
     assert_eq!(bench.cycle(None).cause, Some(Cause::EmergencyStop));
 }
 
+/// Proves SR-14.
 #[test]
 fn an_emergency_stop_from_idle_carries_an_epoch_that_the_driver_can_obey() {
     let mut bench = Bench::idle();
@@ -250,6 +259,7 @@ fn after_an_emergency_stop_it_takes_reset_and_arm_and_go() {
     assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE));
 }
 
+/// Proves SR-11.
 #[test]
 fn targets_that_are_no_unit_vectors_are_refused() {
     let mut bench = Bench::idle();
@@ -266,6 +276,8 @@ fn targets_that_are_no_unit_vectors_are_refused() {
 }
 
 /// Goal: frames of -180 to 180 deg take targets to their very ends, and none beyond; entries past the last frame are not read.
+///
+/// Proves SR-11.
 #[test]
 fn targets_with_frame_angles_out_of_range_are_refused() {
     let mut bench = Bench::idle();
@@ -291,6 +303,7 @@ fn a_process_told_to_end_ramps_down_and_takes_no_more_orders() {
     assert_eq!(bench.ask(Verb::Arm), Err(Cause::Ending));
 }
 
+/// Proves SR-13.
 #[test]
 fn authority_is_released_until_the_driver_shows_it() {
     let mut bench = Bench::active();

@@ -3,6 +3,7 @@
 
 mod bench;
 mod limits;
+mod places;
 mod random;
 mod safe;
 mod stability;

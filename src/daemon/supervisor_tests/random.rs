@@ -1,12 +1,14 @@
 //! Random sequences of events against what must never happen.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use magsteer_hal::Actuation;
-use magsteer_hal::operator::state;
+use magsteer_hal::operator::{Cause, state};
 use rand::{RngExt, SeedableRng};
 
-use super::bench::Bench;
+use super::bench::{Bench, limits};
+use super::places::{LETTERS, letter};
 use crate::control::Verdict;
 use crate::control::plan::Obstacle;
 use crate::daemon::causes::{Response, is_monitor, response};
@@ -23,6 +25,7 @@ use crate::daemon::trust::Astray;
 fn random_events_never_break_the_rules() {
     let actions = [SafeAction::Ramp, SafeAction::HoldThenRamp, SafeAction::Disable];
     let modes = [Mode::Active, Mode::Passive];
+    let mut ever = BTreeSet::new();
     for seed in 0..48_u8 {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(u64::from(seed));
         let (safe_action, mode) = (actions[usize::from(seed) % 3], modes[usize::from(seed) / 3 % 2]);
@@ -30,17 +33,22 @@ fn random_events_never_break_the_rules() {
         let mut bench = Bench::with(&config);
         let mut stopping = 0_u64;
         let mut before = *bench.supervisor.state();
-        let mut reached = [false; 7];
+        let mut reached = BTreeSet::new();
         for _ in 0..4_000 {
             let verb = random_event(&mut random, &mut bench);
             let decision = bench.cycle(verb);
             check_rules(&before, verb, &decision, &bench, seed);
+            check_causes(&before, &decision, &bench);
             check_stop(&before, &decision, &bench, &mut stopping);
             before = *bench.supervisor.state();
-            reached[before.code() as usize] = true;
+            reached.insert(letter(&before, bench.now));
         }
-        assert!(reached.iter().skip(1).all(|reached| *reached), "seed {seed} visits every state");
+        assert!("iqach".chars().all(|place| reached.contains(&place)), "seed {seed}: {reached:?}");
+        ever.extend(reached);
     }
+    // The bench has a driver from the first cycle on: Boot is left in it.
+    let missing: Vec<char> = LETTERS.chars().filter(|place| *place != 'b' && !ever.contains(place)).collect();
+    assert!(missing.is_empty(), "never in {missing:?}");
 }
 
 fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Option<Verb> {
@@ -150,6 +158,48 @@ fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &
     let faulty = bench.seen.driver.is_some_and(|driver| driver.over_current);
     if faulty && *after != State::Boot {
         assert_eq!(decision.directive, Directive::Disable, "{context}");
+    }
+}
+
+/// Steering begins with what was measured and with nothing else, also after another episode, and goes on
+/// after a hold with what is held; a fault is left when its cause is seen to be over; the worst cause present
+/// is the one that is told.
+fn check_causes(before: &State, decision: &Decision, bench: &Bench) {
+    let after = bench.supervisor.state();
+    let context = format!("{before:?} gave {decision:?}");
+    let steers = |state: &State| matches!(state, State::Active | State::Holding { .. });
+    assert_eq!(decision.directive == Directive::Begin, !steers(before) && steers(after), "{context}");
+    if steers(before) && !before.is_engaged() && steers(after) {
+        assert_eq!(decision.directive, Directive::Hold, "{context}");
+    }
+    if let (State::Fault { cause }, State::Idle) = (before, after) {
+        assert!(!lasts(*cause, bench), "reset while its cause lasts: {context}");
+    }
+    match (before, after) {
+        (State::SafeStop { cause: old, .. }, State::Fault { cause: new }) => assert!(new >= old, "{context}"),
+        (_, State::SafeStop { cause, .. } | State::Fault { cause }) => {
+            assert_eq!(decision.cause, Some(*cause), "{context}");
+        }
+        _ => {}
+    }
+    let driver = bench.seen.driver.as_ref().expect("the bench always has one");
+    let worst = [(driver.fault != 0, Cause::DriverFault), (driver.over_current, Cause::OverCurrent)];
+    for (_, cause) in worst.into_iter().filter(|(present, _)| *present && *before != State::Boot) {
+        assert!(decision.cause >= Some(cause), "{cause:?} is present: {context}");
+    }
+}
+
+/// What the bench itself knows of a cause that lasts.
+fn lasts(cause: Cause, bench: &Bench) -> bool {
+    let driver = bench.seen.driver.as_ref().expect("the bench always has one");
+    match cause {
+        Cause::PoseStale => bench.seen.pose_age().is_none_or(|age| age > limits().pose_stop),
+        Cause::FeedbackStale => bench.now.since(driver.stamp) > limits().feedback_stop,
+        Cause::ModelNotConverged => !bench.seen.model_converged,
+        Cause::DescriptionMismatch => bench.seen.description_mismatch,
+        Cause::DriverFault => driver.fault != 0,
+        Cause::OverCurrent => driver.over_current,
+        _ => false,
     }
 }
 

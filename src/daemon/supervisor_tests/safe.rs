@@ -20,6 +20,7 @@ fn holding() -> Bench {
     bench
 }
 
+/// Proves SR-13.
 #[test]
 fn an_operators_stop_ramps_at_once_whatever_is_configured() {
     for action in [SafeAction::Ramp, SafeAction::HoldThenRamp, SafeAction::Disable] {
@@ -31,6 +32,7 @@ fn an_operators_stop_ramps_at_once_whatever_is_configured() {
     }
 }
 
+/// Proves SR-13.
 #[test]
 fn an_operators_stop_ends_a_hold_and_leaves_its_cause() {
     let mut bench = holding();
@@ -40,6 +42,8 @@ fn an_operators_stop_ends_a_hold_and_leaves_its_cause() {
 }
 
 /// Goal: while currents are held, whoever takes authority or feedback away is noticed, and the hold is over.
+///
+/// Proves SR-02 and SR-12.
 #[test]
 fn a_hold_ends_when_the_currents_are_no_longer_known_or_obeyed() {
     type Spoil = fn(&mut Bench);
@@ -60,6 +64,7 @@ fn a_hold_ends_when_the_currents_are_no_longer_known_or_obeyed() {
     }
 }
 
+/// Proves SR-14.
 #[test]
 fn an_emergency_stop_cuts_a_hold() {
     let mut bench = holding();
@@ -67,6 +72,8 @@ fn an_emergency_stop_cuts_a_hold() {
 }
 
 /// Goal: a sensor that comes back during the hold resumes nothing.
+///
+/// Proves SR-03 and SR-13.
 #[test]
 fn a_hold_is_not_resumed_from_and_its_ramp_has_its_full_time() {
     let mut bench = holding();
@@ -80,6 +87,7 @@ fn a_hold_is_not_resumed_from_and_its_ramp_has_its_full_time() {
     assert_eq!(bench.cycle(None).cause, Some(Cause::RampTimeout));
 }
 
+/// Proves SR-03.
 #[test]
 fn cut_amplifiers_latch_the_trips_own_cause_and_can_be_armed_anew() {
     let mut bench = Bench::active_of(&with(SafeAction::Disable));

@@ -16,6 +16,8 @@ fn target() -> Verb {
 
 /// Goal: a refused target is given up once, the loop goes on steering, and the refusal is seen until another
 /// target is set.
+///
+/// Proves SR-25.
 #[test]
 fn refused_target_is_given_up_and_named_until_the_next() {
     let mut bench = Bench::active();
@@ -36,6 +38,7 @@ fn refused_target_is_given_up_and_named_until_the_next() {
     assert_eq!((decision.verdict, decision.cause), (CLEAR, None));
 }
 
+/// Proves SR-25.
 #[test]
 fn way_out_of_the_field_model_is_refused_by_its_name_and_one_out_of_reach_is_gone() {
     let mut bench = Bench::active();
@@ -48,6 +51,8 @@ fn way_out_of_the_field_model_is_refused_by_its_name_and_one_out_of_reach_is_gon
 
 /// Goal: below the limit, and not above it, currents are kept until another target is set, whatever the
 /// margin does meanwhile.
+///
+/// Proves SR-25.
 #[test]
 fn margin_below_its_limit_keeps_the_currents_until_another_target_is_set() {
     let mut bench = Bench::active();
@@ -72,6 +77,8 @@ fn margin_below_its_limit_keeps_the_currents_until_another_target_is_set() {
 }
 
 /// Goal: a motion that begins below the limit may lose half of the margin left and no more.
+///
+/// Proves SR-25.
 #[test]
 fn motion_from_below_the_limit_is_held_when_it_loses_half() {
     let mut bench = Bench::active();
@@ -84,6 +91,7 @@ fn motion_from_below_the_limit_is_held_when_it_loses_half() {
     assert_eq!(bench.cycle(None).state, state::HOLDING);
 }
 
+/// Proves SR-25.
 #[test]
 fn margin_without_an_equilibrium_holds_nothing() {
     let mut bench = Bench::active();
@@ -92,6 +100,8 @@ fn margin_without_an_equilibrium_holds_nothing() {
 }
 
 /// Goal: an operator's hold and one near a snap-through end each by its own request.
+///
+/// Proves SR-25.
 #[test]
 fn operators_hold_outlasts_the_one_near_a_snap_through() {
     let mut bench = Bench::in_state(state::HOLDING);
@@ -104,6 +114,8 @@ fn operators_hold_outlasts_the_one_near_a_snap_through() {
 }
 
 /// Goal: a margin below zero stops after its time and not before, also where the currents are kept.
+///
+/// Proves SR-25.
 #[test]
 fn lost_stability_stops_after_its_time() {
     let mut bench = Bench::active();
@@ -122,6 +134,7 @@ fn lost_stability_stops_after_its_time() {
     assert_eq!(bench.cycles(153).cause, Some(Cause::StabilityLost), "not a number is no margin");
 }
 
+/// Proves SR-25.
 #[test]
 fn warning_begins_below_its_limit_and_does_not_flicker() {
     let mut bench = Bench::active();

@@ -41,6 +41,7 @@ fn stream_that_ends_is_held_by_its_name_until_an_operator_says_go() {
     assert_eq!(bench.cycle(None).cause, None);
 }
 
+/// Proves SR-26.
 #[test]
 fn target_that_is_no_longer_one_of_a_stream_stays() {
     let mut bench = Bench::active();
@@ -51,6 +52,8 @@ fn target_that_is_no_longer_one_of_a_stream_stays() {
 }
 
 /// Goal: a stream that ends while sensing is lost is not resumed when sensing is back.
+///
+/// Proves SR-26.
 #[test]
 fn stream_that_ends_while_sensing_is_lost_stays_held_when_sensing_is_back() {
     let mut bench = Bench::active();
@@ -65,6 +68,8 @@ fn stream_that_ends_while_sensing_is_lost_stays_held_when_sensing_is_back() {
 }
 
 /// Goal: what was told of a target before is not taken for why the loop holds; closeness to a snap-through is, and stays.
+///
+/// Proves SR-26.
 #[test]
 fn hold_is_told_by_the_streams_end_and_not_by_what_went_before() {
     let mut bench = Bench::active();
@@ -80,6 +85,8 @@ fn hold_is_told_by_the_streams_end_and_not_by_what_went_before() {
 }
 
 /// Goal: before `go` a stream that ends holds nothing, and does so no later either.
+///
+/// Proves SR-26.
 #[test]
 fn stream_that_ended_before_go_does_not_hold_afterwards() {
     let mut bench = Bench::armed();
