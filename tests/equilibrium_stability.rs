@@ -12,7 +12,7 @@ use std::path::Path;
 use links::Links;
 use magsteer::config::Config;
 use magsteer::magnetics::{AppliedField, CoilArray};
-use magsteer::rod::{Manipulator, Pass, PassMode, RodConfig, TipLoad};
+use magsteer::rod::{Manipulator, Pass, PassMode, RodConfig, Stability, TipLoad};
 use magsteer_hal::HardwareDescription;
 use nalgebra::Vector6;
 use rand::{RngExt, SeedableRng};
@@ -36,8 +36,8 @@ impl Rig {
             Config::load(&path).expect("shipped").1.description
         };
         let (bigmag, description) = (load("bigmag-planar.toml"), load(file));
-        // Sections of 25 mm in 7 and 14 steps, one of 20 mm in 6 and 12.
-        let manipulators = [25.0 / 7.0, 25.0 / 14.0].map(|segment_length_max_mm| {
+        // Sections of 25 mm in 14 and 28 steps, one of 20 mm in 12 and 23.
+        let manipulators = [25.0 / 14.0, 25.0 / 28.0].map(|segment_length_max_mm| {
             let rod = RodConfig {
                 segment_length_max_mm,
                 residual_tolerance: 1e-11,
@@ -48,6 +48,15 @@ impl Rig {
             rod.build(&description).expect("shipped")
         });
         Self { array: CoilArray::new(&bigmag), description, manipulators }
+    }
+
+    /// Stability on the finer mesh, of the equilibrium near `unknowns`.
+    fn finely(&self, field: &impl AppliedField, unknowns: &Vector6<f64>) -> Stability {
+        let manipulator = &self.manipulators[1];
+        let mut pass = Pass::new(manipulator);
+        let found = manipulator.solve(field, &TipLoad::NONE, unknowns, PassMode::default(), &mut pass);
+        assert!(found.converged(), "the equilibrium is there on a finer mesh too");
+        manipulator.stability(&mut pass)
     }
 
     /// The spectrum by chains of links laid along the equilibria near `unknowns`, extrapolated from second to
@@ -82,19 +91,27 @@ struct Seen {
 
 /// Error of the extrapolated chain of links, as a share of what loads do to an eigenvalue.
 const LINKS_ERROR: f64 = 0.01;
+/// Below this margin the coarser mesh, about as fine as the shipped ones, is not held to that error: at -2 its margin is 2 %
+/// of what loads do off that of meshes of 28 and 56 steps, which agree. Steering ends long before, at 0.
+const FAR_BEYOND: f64 = -1.0;
 
 impl Seen {
     /// Compares at the equilibrium in `pass`.
     fn compare(&mut self, rig: &Rig, field: &impl AppliedField, pass: &mut Pass) {
-        let stability = rig.manipulators[1].stability(pass);
+        let stability = rig.manipulators[0].stability(pass);
         let Some(eigenvalues) = rig.spectrum(field, &pass.unknowns()) else {
             assert!(stability.margin.abs() < 0.3, "no equilibrium of the chain of links near {stability:?}");
             self.undecided += 1;
             return;
         };
-        let off = (eigenvalues[0] - stability.margin).abs() / (0.1 + (1.0 - stability.margin));
-        assert!(off < LINKS_ERROR, "{stability:?} and {:?}", &eigenvalues[..6]);
-        self.worst = self.worst.max(off);
+        let fine = rig.finely(field, &pass.unknowns());
+        assert_eq!(fine.unstable_modes, stability.unstable_modes, "{stability:?} and {fine:?}");
+        for judged in [Some(fine), Some(stability).filter(|it| it.margin > FAR_BEYOND)].into_iter().flatten()
+        {
+            let off = (eigenvalues[0] - judged.margin).abs() / (0.1 + (1.0 - judged.margin));
+            assert!(off < LINKS_ERROR, "{judged:?} and {:?}", &eigenvalues[..6]);
+            self.worst = self.worst.max(off);
+        }
         let below = |limit: f64| eigenvalues.iter().filter(|value| **value < limit).count() as u32;
         let (certain, possible) = (below(-LINKS_ERROR), below(LINKS_ERROR));
         let modes = stability.unstable_modes;
@@ -117,7 +134,7 @@ impl Seen {
 
 fn compare_at_random(file: &str, current_max: f64, wanted: usize, seed: u64) -> Seen {
     let rig = Rig::new(file);
-    let manipulator = &rig.manipulators[1];
+    let manipulator = &rig.manipulators[0];
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut pass = Pass::new(manipulator);
     let mut seen = Seen::default();
