@@ -71,6 +71,7 @@ CAUSES = {
     11: "held close to a snap-through until another target is set",
     12: "held because the stream of targets ended",
     20: "this daemon has no records to write",
+    21: "this machine only watches the rig; it is commanded on its own machine",
     100: "stopped by the operator",
     101: "the process was asked to end",
     200: "no fresh poses",
