@@ -4,6 +4,8 @@
 //! The experiment here is short, so that a run takes a tenth of a second.
 #![cfg(feature = "sim")]
 
+mod short_experiment;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -12,24 +14,11 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+use short_experiment::SHORT_EXPERIMENT;
 use tempfile::TempDir;
 
 /// Bound on every wait, only so that a failure ends: nothing is judged by it.
 const PATIENCE: Duration = Duration::from_secs(60);
-
-const EXPERIMENT: &str = r#"
-description = "Two short steps"
-axis = [0.0, 1.0, 0.0]
-zero_direction = [0.0, 0.0, 1.0]
-
-[[steps]]
-target_deg = { m1 = 92.0, m2 = 95.0 }
-duration_s = 1.2
-
-[[steps]]
-target_deg = { m1 = 85.0, m2 = 88.0 }
-duration_s = 1.2
-"#;
 
 const CAMPAIGN: &str = r#"
 [campaign]
@@ -53,7 +42,7 @@ impl World {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let world = Self { folder };
-        fs::write(world.path("short.toml"), EXPERIMENT).expect("written");
+        fs::write(world.path("short.toml"), SHORT_EXPERIMENT).expect("written");
         world.write_rig("rig.toml", CAMPAIGN);
         world
     }
@@ -280,7 +269,7 @@ fn another_campaign_is_not_resumed() {
         message.contains("in [plant.amplifier] `bandwidth_hz = 200.0`, not `bandwidth_hz = 199.0`"),
         "{message}"
     );
-    fs::write(world.path("longer.toml"), EXPERIMENT.replace("1.2", "1.3")).unwrap();
+    fs::write(world.path("longer.toml"), SHORT_EXPERIMENT.replace("1.2", "1.3")).unwrap();
     let message = resumed("rig.toml", &["--experiment", "longer.toml"]);
     assert!(message.contains("another experiment: in [[steps]] `duration_s = 1.2`, not"), "{message}");
     let message = world.refused(&["rig.toml", "--out", "some"], 73);

@@ -5,6 +5,7 @@ mod field_support;
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use field_fit_calls::{RIG, answer, array_csv, complaint, fit};
 use magsteer::config::Config;
@@ -166,6 +167,9 @@ fn an_array_is_calibrated_from_superposed_currents() {
         assert_eq!(coil.inductance, 0.1);
         assert!(coil.frame.is_some());
     }
+    // The simulated plant is there as before, though its coils have other types now.
+    let checked = Command::new(env!("CARGO_BIN_EXE_magsteer")).arg("check").arg(&out).output().unwrap();
+    assert_eq!(checked.status.code(), Some(0), "{checked:?}");
     // At other angles the coils were elsewhere: the same readings cannot be explained.
     let wrong = fit(&data, &["--config", RIG, "--order", "4", "--json"]);
     assert!(complaint(&wrong).contains("% of the measured field"), "{wrong:?}");

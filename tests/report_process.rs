@@ -5,6 +5,7 @@
 
 mod recording_support;
 mod rig_support;
+mod short_experiment;
 
 use std::fs;
 use std::path::Path;
@@ -13,6 +14,7 @@ use std::process::{Command, Output};
 use magsteer::daemon::cycle_message;
 use recording_support::{complete, planar};
 use serde_json::Value;
+use short_experiment::SHORT_EXPERIMENT;
 
 const TARGETS_DEG: [[f64; 2]; 2] = [[90.0, 90.0], [75.0, 80.0]];
 
@@ -70,20 +72,6 @@ fn report_draws_what_was_recorded_and_its_page_loads_nothing() {
     }
 }
 
-const EXPERIMENT: &str = r#"
-description = "Two short steps"
-axis = [0.0, 1.0, 0.0]
-zero_direction = [0.0, 0.0, 1.0]
-
-[[steps]]
-target_deg = { m1 = 92.0, m2 = 95.0 }
-duration_s = 1.2
-
-[[steps]]
-target_deg = { m1 = 85.0, m2 = 88.0 }
-duration_s = 1.2
-"#;
-
 /// Poses that are older than the loop admits when they arrive: a plant with those is never steered.
 const CAMPAIGN: &str = r#"
 [campaign]
@@ -108,7 +96,7 @@ fn magsteer(folder: &Path, arguments: &[&str]) -> Output {
 fn report_of_a_campaign_tells_its_failed_runs_and_how_to_play_them_again() {
     let world = tempfile::tempdir().expect("a directory");
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-planar.toml");
-    fs::write(world.path().join("short.toml"), EXPERIMENT).expect("own directory");
+    fs::write(world.path().join("short.toml"), SHORT_EXPERIMENT).expect("own directory");
     fs::write(world.path().join("rig.toml"), format!("extends = {shipped:?}\n{CAMPAIGN}"))
         .expect("own directory");
     let played =

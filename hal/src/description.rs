@@ -146,6 +146,12 @@ pub struct MagnetDescription {
     pub moment_body: [f64; 3],
 }
 
+/// Whether a rig may be called so: 1 to 40 lower-case letters, digits and hyphens.
+pub(crate) fn is_rig_name(name: &str) -> bool {
+    let allowed = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
+    (1..=40).contains(&name.len()) && name.chars().all(allowed)
+}
+
 impl HardwareDescription {
     /// Magnets from base to tip.
     pub fn magnets(&self) -> impl Iterator<Item = &MagnetDescription> {

@@ -2,6 +2,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
+use magsteer::config::Document;
 use magsteer_hal::config::{CoilConfig, CoilTypeConfig};
 
 /// One of `[[coils]]`.
@@ -41,6 +42,16 @@ pub fn circuit(coil_type: &CoilTypeConfig) -> String {
         coil_type.inductance_h,
         coil_type.supply_v
     )
+}
+
+/// Whether the simulated plant of a configuration, where it has one, is built as the configuration says, and not as another.
+pub fn simulates_itself(document: &Document) -> bool {
+    document.has("plant") && document.path_at("plant.nominal").is_none()
+}
+
+/// The table by which an overlay with better parameters leaves the simulated plant what it was: built as `nominal` says.
+pub fn nominal_entry(nominal: &str) -> String {
+    format!("\n[plant]\nnominal = {}\n", quoted(nominal))
 }
 
 /// A text as TOML writes it.

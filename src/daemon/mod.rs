@@ -26,7 +26,8 @@
 //! | `threads` | the scheduling of every thread of a process, read back |
 //! | `statistics`, `timing_summary` | lossless histograms of timing by run and minute; their quantiles |
 //! | `runner` | the loop's thread |
-//! | `telemetry`, `view` | the other thread: requests, status, log lines |
+//! | `telemetry`, `view` | the other thread: requests and status |
+//! | `operator_request`, `log` | what an operator's message asks of the loop; lines about the loop |
 //! | `recorder` | the last seconds of every cycle, written out after a trip; the journal of events |
 //! | `notify` | what the service manager is told; its watchdog is fed by the loop's progress alone |
 //! | `journal` | where log lines go, with priorities and fields |
@@ -50,8 +51,10 @@ pub mod idle;
 mod journal;
 pub mod kernel;
 pub mod lockstep;
+mod log;
 mod monitors;
 mod notify;
+mod operator_request;
 mod overruns;
 mod passive;
 mod phases;

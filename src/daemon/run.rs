@@ -29,13 +29,14 @@ use super::idle::IdleBound;
 use super::kernel::{
     RealtimeRequest, ThreadUsage, request_helper_realtime, request_ordinary, request_realtime,
 };
+use super::log::log;
 use super::monitors::MonitorReport;
 use super::notify::Notify;
 use super::realtime::{RealtimeItem, RealtimeReport};
 use super::recorder::{Recorder, RecorderPlan, RecorderState};
 use super::runner::{LoopCounters, LoopEnd, LoopRings, StopFlag, run_loop};
 use super::statistics::Statistics;
-use super::telemetry::{Recording, Telemetry, TelemetryRings, log};
+use super::telemetry::{Recording, Telemetry, TelemetryRings};
 use super::threads::threads_of;
 use super::timing_summary::{TimingHistograms, TimingSummary};
 use crate::control::Step;

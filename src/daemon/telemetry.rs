@@ -1,4 +1,4 @@
-//! The other thread: serves operators, publishes the status, writes the log.
+//! The other thread: serves operators, publishes the status, tells the log.
 //!
 //! It talks to the loop through rings only, and may be late or die without harm to the loop. A request
 //! is handed to the loop and answered when the loop answers; one that waits longer than an operator
@@ -8,22 +8,22 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use magsteer_hal::channels::{IncomingRequest, OperatorServer};
-use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, state, verb};
+use magsteer_hal::operator::{Cause, OperatorAnswer, state, verb};
 use magsteer_hal::{HardwareDescription, Stamp};
 use rtrb::{Consumer, Producer};
-
-use crate::control::ReferenceTarget;
 
 use super::companion::Companion;
 use super::config::DaemonConfig;
 use super::cycle_record::CycleRecord;
-use super::journal::{Field, Priority, tell};
+use super::journal::{Priority, tell};
+use super::log::{log, log_cause, log_transition};
 use super::notify::Notify;
+use super::operator_request::{RigCounts, verb_of};
 use super::record_feed::RecordFeed;
 use super::recorder::Recorder;
 use super::runner::{LoopCounters, StopFlag};
 use super::state::{Answer, Request, Verb};
-use super::view::{StatusView, TransitionLine};
+use super::view::StatusView;
 
 /// How often this thread looks at its rings.
 const POLL: Duration = Duration::from_millis(2);
@@ -88,8 +88,8 @@ pub struct Telemetry {
     pending: Vec<Pending>,
     next_id: u32,
     arm_at_start: Option<ArmAtStart>,
-    rig: Counts,
-    rig_name: String,
+    counts: RigCounts,
+    rig: String,
     recorder: Option<Recorder>,
     feed: RecordFeed,
     companion: Option<Companion>,
@@ -119,11 +119,8 @@ impl Telemetry {
             pending: Vec::with_capacity(PENDING_MAX),
             next_id: ARM_AT_START + 1,
             arm_at_start: arm.then(|| ArmAtStart { give_up: now.after(ARM_PATIENCE), next: now }),
-            rig: Counts {
-                magnets: u32::try_from(description.magnets().count()).unwrap_or(u32::MAX),
-                frames: u32::try_from(description.frames.len()).unwrap_or(u32::MAX),
-            },
-            rig_name: description.rig.clone(),
+            counts: RigCounts::of(description),
+            rig: description.rig.clone(),
             recorder: recording.recorder,
             feed: RecordFeed::new(recording.config_digest),
             companion: recording.companion,
@@ -192,15 +189,15 @@ impl Telemetry {
     fn take_records(&mut self, now: Stamp) {
         while let Ok(record) = self.rings.records.pop() {
             if record.decision.transition.is_some() {
-                log_transition(&self.rig_name, &record);
+                log_transition(&self.rig, &record);
             }
             if let Some(cause) = record.decision.given_up {
-                log_cause(&self.rig_name, &record, "target given up", cause);
+                log_cause(&self.rig, &record, "target given up", cause);
             }
             self.feed.take(&record, &mut self.server, now);
             self.recorder.iter_mut().for_each(|recorder| recorder.take(&record));
             if let Some(cause) = record.decision.judgements.begun {
-                log_cause(&self.rig_name, &record, "passive: would have tripped", cause);
+                log_cause(&self.rig, &record, "passive: would have tripped", cause);
             }
             self.view.take(&record);
         }
@@ -238,7 +235,7 @@ impl Telemetry {
                 self.save(incoming);
                 continue;
             }
-            match parse(incoming.request(), self.rig) {
+            match verb_of(incoming.request(), self.counts) {
                 Ok(verb) if self.pending.len() < PENDING_MAX => self.hand_over(verb, incoming, now),
                 Ok(_) => self.refuse(incoming, Cause::Busy),
                 Err(cause) => self.refuse(incoming, cause),
@@ -317,42 +314,6 @@ impl Telemetry {
     }
 }
 
-/// How many magnets and frames a target of this rig names.
-#[derive(Debug, Clone, Copy)]
-struct Counts {
-    magnets: u32,
-    frames: u32,
-}
-
-/// The target that a request names.
-fn target(request: &OperatorRequest, rig: Counts) -> Result<ReferenceTarget, Cause> {
-    let frame_angles = match request.pose_parameter_count {
-        0 => None,
-        count if count == rig.frames => Some(request.angle_rad),
-        _ => return Err(Cause::TargetInvalid),
-    };
-    let target = ReferenceTarget { directions: request.direction, frame_angles };
-    if request.magnet_count == rig.magnets { Ok(target) } else { Err(Cause::TargetInvalid) }
-}
-
-/// What an operator's request asks of the loop.
-fn parse(request: &OperatorRequest, rig: Counts) -> Result<Verb, Cause> {
-    match request.verb {
-        verb::ARM => Ok(Verb::Arm),
-        verb::GO => Ok(Verb::Go),
-        verb::HOLD => Ok(Verb::Hold),
-        verb::STOP => Ok(Verb::Stop),
-        verb::RESET => Ok(Verb::Reset),
-        verb::ESTOP => Ok(Verb::EmergencyStop),
-        verb::SET_TARGET if request.valid_ms == 0 => target(request, rig).map(Verb::SetTarget),
-        verb::SET_TARGET => {
-            let valid = Duration::from_millis(u64::from(request.valid_ms));
-            target(request, rig).map(|target| Verb::StreamTarget(target, valid))
-        }
-        _ => Err(Cause::UnknownVerb),
-    }
-}
-
 fn message(answer: &Answer) -> OperatorAnswer {
     OperatorAnswer {
         accepted: u32::from(answer.refused.is_none()),
@@ -366,99 +327,4 @@ fn message(answer: &Answer) -> OperatorAnswer {
 fn reply(incoming: IncomingRequest, answer: OperatorAnswer) {
     // An operator that is gone by now does not need the answer.
     let _ = incoming.answer(answer);
-}
-
-/// One ordinary line of the log.
-pub fn log(line: std::fmt::Arguments<'_>) {
-    tell(Priority::Info, &[], line);
-}
-
-/// A change of state, with what a filter of the journal would ask for.
-fn log_transition(rig: &str, record: &CycleRecord) {
-    let Some(transition) = record.decision.transition else { return };
-    let (from, to) = (state::name(transition.from), state::name(transition.to));
-    let code = transition.cause.map_or(0, Cause::code);
-    let mut fields: Vec<Field<'_>> = vec![
-        ("MAGSTEER_RIG", &rig),
-        ("MAGSTEER_FROM", &from),
-        ("MAGSTEER_STATE", &to),
-        ("MAGSTEER_CAUSE", &code),
-        ("MAGSTEER_CYCLE", &record.tick.number),
-    ];
-    let text = transition.cause.map(Cause::text);
-    if let Some(text) = &text {
-        fields.push(("MAGSTEER_CAUSE_TEXT", text));
-    }
-    tell(priority(transition.to, transition.cause), &fields, format_args!("{}", TransitionLine(record)));
-}
-
-/// What happened for `cause` without a change of state, with the fields that one has.
-fn log_cause(rig: &str, record: &CycleRecord, what: &str, cause: Cause) {
-    let (state, code, text) = (state::name(record.decision.state), cause.code(), cause.text());
-    let fields: [Field<'_>; 5] = [
-        ("MAGSTEER_RIG", &rig),
-        ("MAGSTEER_STATE", &state),
-        ("MAGSTEER_CAUSE", &code),
-        ("MAGSTEER_CAUSE_TEXT", &text),
-        ("MAGSTEER_CYCLE", &record.tick.number),
-    ];
-    tell(Priority::Warning, &fields, format_args!("{what}: {text} (cause {code})"));
-}
-
-/// A fault is an error; a stop that nobody asked for, and sensing that was lost, are warnings.
-fn priority(to: u32, cause: Option<Cause>) -> Priority {
-    let was_asked_for = matches!(cause, None | Some(Cause::OperatorStop | Cause::Terminated));
-    match to {
-        state::FAULT => Priority::Error,
-        _ if !was_asked_for => Priority::Warning,
-        state::SAFE_STOP => Priority::Notice,
-        _ => Priority::Info,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::time::Duration;
-
-    use magsteer_hal::operator::{Cause, OperatorRequest, verb};
-
-    use super::{Counts, Priority, ReferenceTarget, Verb, parse, priority, state};
-
-    #[test]
-    fn faults_are_errors_and_stops_that_nobody_asked_for_are_warnings() {
-        for (to, cause, expected) in [
-            (state::FAULT, Some(Cause::EmergencyStop), Priority::Error),
-            (state::SAFE_STOP, Some(Cause::PoseStale), Priority::Warning),
-            (state::HOLDING, Some(Cause::PoseStale), Priority::Warning),
-            (state::SAFE_STOP, Some(Cause::OperatorStop), Priority::Notice),
-            (state::SAFE_STOP, Some(Cause::Terminated), Priority::Notice),
-            (state::ACTIVE, None, Priority::Info),
-            (state::IDLE, None, Priority::Info),
-        ] {
-            assert_eq!(priority(to, cause), expected, "{to} {cause:?}");
-        }
-    }
-
-    #[test]
-    fn unknown_verbs_and_targets_for_another_count_of_magnets_or_frames_are_refused() {
-        let request = |verb, magnet_count| OperatorRequest { verb, magnet_count, ..Default::default() };
-        let turning = |pose_parameter_count| OperatorRequest {
-            pose_parameter_count,
-            angle_rad: [0.5; 8],
-            ..request(verb::SET_TARGET, 2)
-        };
-        let rig = Counts { magnets: 2, frames: 2 };
-        let parse = |request: &OperatorRequest| parse(request, rig);
-        assert_eq!(parse(&request(0, 2)), Err(Cause::UnknownVerb));
-        assert_eq!(parse(&request(99, 2)), Err(Cause::UnknownVerb));
-        assert_eq!(parse(&request(verb::SET_TARGET, 3)), Err(Cause::TargetInvalid));
-        assert_eq!(parse(&request(verb::SET_TARGET, 2)), Ok(Verb::SetTarget([[0.0; 3]; 8].into())));
-        assert_eq!(parse(&turning(3)), Err(Cause::TargetInvalid));
-        let turned = ReferenceTarget { directions: [[0.0; 3]; 8], frame_angles: Some([0.5; 8]) };
-        assert_eq!(parse(&turning(2)), Ok(Verb::SetTarget(turned)));
-        let streamed = OperatorRequest { valid_ms: 200, ..request(verb::SET_TARGET, 2) };
-        let expected = Verb::StreamTarget([[0.0; 3]; 8].into(), Duration::from_millis(200));
-        assert_eq!(parse(&streamed), Ok(expected));
-        assert_eq!(parse(&request(verb::GO, 0)), Ok(Verb::Go));
-    }
 }

@@ -17,6 +17,7 @@ use sha2::{Digest, Sha256};
 use super::error::ChannelError;
 use super::membership::{Membership, SEGMENTS, Sweeper, seal};
 use super::service::retried;
+use crate::description::is_rig_name;
 
 /// Environment variable that names the root directory when no argument does.
 pub const ROOT_VARIABLE: &str = "MAGSTEER_ROOT";
@@ -128,12 +129,6 @@ pub(super) fn prefix(root: &Path) -> String {
 
 fn default_root() -> PathBuf {
     PathBuf::from(format!("{SEGMENTS}/magsteer-{}", rustix::process::getuid().as_raw()))
-}
-
-/// Whether a rig may be called so: 1 to 40 small letters, digits and dashes.
-pub(super) fn is_rig_name(name: &str) -> bool {
-    let allowed = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
-    (1..=40).contains(&name.len()) && name.chars().all(allowed)
 }
 
 /// Makes the directory where it is missing, and refuses one that is not this user's alone.

@@ -15,12 +15,13 @@ use std::time::Duration;
 use iceoryx2::node::NodeView;
 use iceoryx2::prelude::{CallbackProgression, Node, NodeState, ipc};
 
-use super::endpoint::{Endpoint, is_rig_name, prefix};
+use super::endpoint::{Endpoint, prefix};
 use super::error::{ChannelError, Role};
 use super::lock::{is_named_by, living_holder};
 use super::membership::{ABANDONED_AGE, SEGMENTS, sweep};
 use super::private_root::{abandoned_roots, remove_abandoned};
 use super::service::transport;
+use crate::description::is_rig_name;
 
 /// What was found under a root.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

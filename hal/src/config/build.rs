@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::description::{
     CoilDescription, ExtensibleStiffness, FrameDescription, HardwareDescription, MagnetDescription,
-    ManipulatorDescription, PartDescription, Rows3, SectionDescription, Workspace,
+    ManipulatorDescription, PartDescription, Rows3, SectionDescription, Workspace, is_rig_name,
 };
 use crate::invalid::{Checks, Invalid};
 use crate::message::{COILS_MAX, MAGNETS_MAX, POSE_PARAMETERS_MAX};
@@ -143,8 +143,7 @@ impl HardwareConfig {
 
 impl RigConfig {
     fn check(&self, checks: &mut Checks) {
-        let allowed = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
-        let holds = !self.name.is_empty() && self.name.len() <= 40 && self.name.chars().all(allowed);
+        let holds = is_rig_name(&self.name);
         let expected = "1 to 40 lower-case letters, digits and hyphens";
         checks.require(holds, "rig.name", format!("{:?}", self.name), expected);
         checks.finite("rig.workspace_center_mm", &self.workspace_center_mm);

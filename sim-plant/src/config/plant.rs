@@ -88,7 +88,7 @@ impl PlantConfig {
         checks.require(is_one_rig, "plant.nominal", self.nominal.as_deref().unwrap_or_default(), expected);
         self.check(description, &mut checks);
         let couplings = couplings(&self.coupling, description, &mut checks);
-        let coil_truths = field::truths(&self.field, description, &mut checks);
+        let coil_truths = field::truths(&self.field, nominal, &mut checks);
         // One that is not there has been refused.
         let Some(sensor) = checks.into_result(self.sensors.get(&self.sensor))? else {
             return Err(Vec::new());

@@ -9,7 +9,7 @@ use magsteer::magnetics::fit::{CoilFit, FieldFit, FitRequest, Layout, OrderChoic
 use magsteer_hal::config::{CoilConfig, HardwareConfig};
 
 use super::fit::Subject;
-use crate::cli::overlay::{self, coil_entry, key, quoted};
+use crate::cli::overlay::{self, coil_entry, key, nominal_entry, quoted};
 
 /// How the file fits together with others.
 pub(super) struct Names {
@@ -52,6 +52,9 @@ pub(super) fn text(
     }
     if let Some(hardware) = hardware {
         text += &coils(hardware, subject, found, names)?;
+    }
+    if let Some(extends) = names.extends.as_ref().filter(|_| subject.simulates_itself) {
+        text += &nominal_entry(extends);
     }
     Ok(text)
 }

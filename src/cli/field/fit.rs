@@ -19,7 +19,7 @@ use crate::cli::actuation::{ActuationArgs, finite};
 use crate::cli::data_file;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::output;
-use crate::cli::overlay::path_from;
+use crate::cli::overlay::{path_from, simulates_itself};
 
 /// A fit that leaves more than this part of the field is no model of it.
 const LEFT_MAX: f64 = 0.2;
@@ -108,6 +108,8 @@ pub(super) struct Subject {
     pub names: Vec<String>,
     /// The rig, when one was named.
     pub config: Option<Config>,
+    /// It has a simulated plant, built as it describes.
+    pub simulates_itself: bool,
 }
 
 impl Fit {
@@ -161,7 +163,9 @@ impl Fit {
         if !readings.ends_with_line_end {
             data_file::note_cut(&self.data);
         }
-        let config = self.config.as_deref().map(Config::load).transpose()?.map(|(_, config)| config);
+        let loaded = self.config.as_deref().map(Config::load).transpose()?;
+        let simulates_itself = loaded.as_ref().is_some_and(|(document, _)| simulates_itself(document));
+        let config = loaded.map(|(_, config)| config);
         let (poses, names) = match (readings.layout, &config) {
             (Layout::OneCoil, _) => self.one_coil(&readings)?,
             (Layout::Array, Some(config)) => self.array(&readings, config)?,
@@ -171,7 +175,7 @@ impl Fit {
             }
         };
         let sha256 = data_file::sha256(&bytes);
-        Ok(Subject { file, sha256, readings, poses, names, config })
+        Ok(Subject { file, sha256, readings, poses, names, config, simulates_itself })
     }
 
     fn one_coil(&self, readings: &Readings) -> anyhow::Result<(Vec<CoilPose>, Vec<String>)> {

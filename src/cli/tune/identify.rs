@@ -18,6 +18,7 @@ use super::identify_answer::Answer;
 use super::overlay;
 use crate::cli::actuation::finite;
 use crate::cli::exit::{Exit, Failure};
+use crate::cli::overlay::simulates_itself;
 use crate::cli::play::LiveLine;
 use crate::cli::{data_file, output};
 
@@ -117,7 +118,7 @@ pub(super) struct Subject {
     /// The rig with its nominal parameters.
     pub config: Config,
     /// It has a simulated plant, built as it describes.
-    pub simulates_nominal: bool,
+    pub simulates_itself: bool,
     /// Files, as given, with their SHA-256.
     pub data: Vec<(PathBuf, String)>,
     /// All samples, file by file.
@@ -141,8 +142,7 @@ impl Identify {
         document.require("rod", &config.manipulator)?;
         let rod: RodConfig = document.section("rod")?;
         self.check_out(&document)?;
-        let simulates_nominal = document.has("plant") && document.path_at("plant.nominal").is_none();
-        let subject = self.subject(config, simulates_nominal)?;
+        let subject = self.subject(config, simulates_itself(&document))?;
         let request = self.request();
         let found = self.search(&subject, &rod, &request)?;
         self.warn(&subject, &found);
@@ -194,12 +194,12 @@ impl Identify {
     }
 
     /// Reads and checks the data.
-    fn subject(&self, config: Config, simulates_nominal: bool) -> anyhow::Result<Subject> {
+    fn subject(&self, config: Config, simulates_itself: bool) -> anyhow::Result<Subject> {
         let rig = config.description.clone();
         let mut subject = Subject {
             config_file: self.file.clone(),
             config,
-            simulates_nominal,
+            simulates_itself,
             data: Vec::new(),
             samples: Vec::new(),
             file_of: Vec::new(),

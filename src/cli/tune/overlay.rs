@@ -11,7 +11,7 @@ use magsteer_hal::config::{ManipulatorConfig, PartConfig};
 
 use super::identify::Subject;
 use super::identify_answer::parameters;
-use crate::cli::overlay::{coil_entry, key, path_from, quoted};
+use crate::cli::overlay::{coil_entry, key, nominal_entry, path_from, quoted};
 
 /// The whole file.
 pub(super) fn text(subject: &Subject, found: &Identified, request: &IdentifyRequest, out: &Path) -> String {
@@ -37,9 +37,8 @@ pub(super) fn text(subject: &Subject, found: &Identified, request: &IdentifyRequ
     if nominal.coils != hardware.coils {
         text += &hardware.coils.iter().map(coil_entry).collect::<String>();
     }
-    if subject.simulates_nominal {
-        // What is known better of a rig does not change it.
-        text += &format!("\n[plant]\nnominal = {}\n", quoted(&path_from(out, &subject.config_file)));
+    if subject.simulates_itself {
+        text += &nominal_entry(&path_from(out, &subject.config_file));
     }
     text
 }

@@ -19,7 +19,7 @@ use super::header::Header;
 use super::journal::{self, Entry, event};
 use super::ring::Ring;
 use super::wall::compact;
-use crate::daemon::telemetry::log;
+use crate::daemon::log::log;
 
 /// Pause between two attempts to write what could not be written.
 const RETRY: Duration = Duration::from_secs(1);

@@ -18,7 +18,7 @@ use super::ring::Ring;
 use super::trigger::{AFTER, Trigger, Trip};
 use super::wall::{rfc_3339, wall_time};
 use crate::daemon::cycle_record::CycleRecord;
-use crate::daemon::telemetry::log;
+use crate::daemon::log::log;
 
 /// One ring records while the other is written.
 const RINGS: usize = 2;
