@@ -213,7 +213,10 @@ impl Chart {
     fn panel(&self) -> (Vec<Plot>, Layout) {
         let drawn = self.traces.iter().filter(|trace| !trace.points.is_empty());
         let plots: Vec<Plot> = drawn.map(Trace::plot).collect();
-        let (x, y) = (self.range(&self.x, |point| point.0), self.range(&self.y, |point| point.1));
+        let (mut x, y) = (self.range(&self.x, |point| point.0), self.range(&self.y, |point| point.1));
+        if self.x.is_log {
+            x = uncrowded(x);
+        }
         let mut layout = Layout::new(x, y)
             .with_x_label(self.x.label.clone())
             .with_y_label(self.y.label.clone())
@@ -263,6 +266,13 @@ impl Chart {
         let margin = (0.06 * (most - least)).max(1e-3 * most.abs()).max(1e-9);
         (least - margin, most + margin)
     }
+}
+
+/// Ends of a logarithmic axis to the right whose numbers do not run into each other. Over parts of three decades the
+/// plotting library writes 1, 2 and 5 of each; below a fourth one, powers of ten alone.
+fn uncrowded((least, most): (f64, f64)) -> (f64, f64) {
+    let first = least.log10().floor();
+    if most.log10().ceil() - first == 3.0 { (0.99 * 10_f64.powf(first), most) } else { (least, most) }
 }
 
 impl Trace {
