@@ -228,6 +228,14 @@ impl Document {
         true
     }
 
+    /// Puts another text where one stands; false, and nothing is changed, when there is none at that key. Problems still
+    /// show the text of the file, and a path counts from there.
+    pub fn set_text(&mut self, key: &str, text: &str) -> bool {
+        let Some(Node { value: Value::Text(old), .. }) = self.root.find_mut(key) else { return false };
+        text.clone_into(old);
+        true
+    }
+
     /// The text at a key as a path: relative to the file that says so. `None` when there is no text.
     #[must_use]
     pub fn path_at(&self, key: &str) -> Option<PathBuf> {

@@ -22,6 +22,8 @@ use super::summary::{Session, Summary};
 use crate::cli::ending::{exit_of, watching};
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::output;
+#[cfg(all(feature = "figures", feature = "record"))]
+use crate::cli::report::{self, CampaignRuns};
 use crate::cli::run_folder::dated;
 
 /// Runs of a new campaign when their number is left out.
@@ -33,7 +35,7 @@ const SEED: u64 = 1;
 /// on all cores.
 ///
 /// The table `[campaign]` of the configuration names the experiment and what is drawn. Every run is judged by
-/// its plant's true poses. Rows, summary and pictures go into a folder; killed or interrupted at any moment,
+/// its plant's true poses. Rows, summary and report go into a folder; killed or interrupted at any moment,
 /// a campaign is resumed from there. The same configuration and seed give the same rows bit for bit, whatever
 /// the threads and however often it was resumed.
 ///
@@ -104,12 +106,9 @@ impl Campaign {
         let experiment_document = self.experiment(&document)?;
         let experiment =
             Experiment::from_document(&experiment_document, &config.description).map_err(Failure::data)?;
-        let identity = Identity {
-            seed: self.seed_of_campaign()?,
-            config: document.resolved(),
-            experiment: experiment_document.resolved(),
-        };
-        let runner = Runner::new(&document, &config, &experiment, identity.seed)?;
+        let seed = self.seed_of_campaign()?;
+        let runner = Runner::new(&document, &config, &experiment, seed)?;
+        let identity = Identity::new(seed, &document, &experiment_document)?;
         match self.only {
             Some(run) => self.replay(run, &runner, &identity),
             None => self.play(&runner, &identity),
@@ -210,7 +209,9 @@ impl Campaign {
         })?;
         let summary = Summary::of(rows.values(), &session, identity.seed, wanted, &identity.config.sha256);
         let mut files = vec![table.path().to_owned(), folder.write_summary(&summary)?];
-        files.extend(draw(folder.path(), columns, &rows)?);
+        if !rows.is_empty() {
+            files.extend(draw(folder.path())?);
+        }
         self.print(&summary, folder.path(), &files)?;
         if stop.requested().is_some() {
             output::note(format_args!("interrupted after {} of {wanted} runs: {again}", rows.len()));
@@ -291,13 +292,15 @@ fn replay_text(
     text + &format!("digest {}{verdict}\n", row.digest)
 }
 
-#[cfg(feature = "figures")]
-fn draw(folder: &Path, columns: &Columns, rows: &BTreeMap<u64, RunRow>) -> anyhow::Result<Vec<PathBuf>> {
-    super::pictures::draw(folder, columns, rows)
+/// Makes the campaign's report in its folder; the page alone is named, which shows the rest.
+#[cfg(all(feature = "figures", feature = "record"))]
+fn draw(folder: &Path) -> anyhow::Result<Option<PathBuf>> {
+    let files = report::write_campaign(&CampaignRuns::open(folder)?, &report::beside(folder))?;
+    Ok(files.into_iter().next())
 }
 
 /// This build draws nothing.
-#[cfg(not(feature = "figures"))]
-fn draw(_: &Path, _: &Columns, _: &BTreeMap<u64, RunRow>) -> anyhow::Result<Vec<PathBuf>> {
-    Ok(Vec::new())
+#[cfg(not(all(feature = "figures", feature = "record")))]
+fn draw(_: &Path) -> anyhow::Result<Option<PathBuf>> {
+    Ok(None)
 }

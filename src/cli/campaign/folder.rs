@@ -5,11 +5,12 @@
 //! |---|---|
 //! | `config.toml` | the configuration, merged with all that it extends |
 //! | `experiment.toml` | the experiment, likewise |
-//! | `campaign.json` | seed, number of runs, SHA-256 of both texts, version of this program |
+//! | `nominal.toml` | the rig that the plants are built as, where the configuration names another than itself |
+//! | `campaign.json` | seed, number of runs, SHA-256 of the texts, version of this program |
 //! | `runs.csv` | a row a run: appended and flushed as runs finish, put in order at the end and at resuming |
 //! | `summary.json` | what `--json` prints |
 //!
-//! Files but `runs.csv` are written beside their place and then renamed. A last line without its end was
+//! The configuration names the other two, so that the folder holds all that its campaign needs. Files but `runs.csv` are written beside their place and then renamed. A last line without its end was
 //! being written when the campaign was killed, and is dropped. The folder itself is locked, so that two
 //! campaigns never write into one.
 
@@ -19,7 +20,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use magsteer::config::Resolved;
+use magsteer::config::{Document, Problems, Resolved};
 use serde::{Deserialize, Serialize};
 
 use super::row::{Columns, RunRow};
@@ -27,6 +28,7 @@ use crate::cli::exit::{Exit, Failure, cannot_create};
 
 const CONFIG: &str = "config.toml";
 const EXPERIMENT: &str = "experiment.toml";
+const NOMINAL: &str = "nominal.toml";
 const CAMPAIGN: &str = "campaign.json";
 const RUNS: &str = "runs.csv";
 const SUMMARY: &str = "summary.json";
@@ -40,6 +42,31 @@ pub struct Identity {
     pub config: Resolved,
     /// The experiment.
     pub experiment: Resolved,
+    /// What the plants are built as, where that is another configuration.
+    pub nominal: Option<Resolved>,
+}
+
+impl Identity {
+    /// That of a campaign with these files, as its folder names them.
+    ///
+    /// # Errors
+    /// When the file that the plants are built as cannot be read.
+    pub fn new(seed: u64, config: &Document, experiment: &Document) -> Result<Self, Problems> {
+        let nominal = config.path_at("plant.nominal").map(|path| Document::load(&path)).transpose()?;
+        let mut config = config.clone();
+        config.set_text("campaign.experiment", EXPERIMENT);
+        config.set_text("plant.nominal", NOMINAL);
+        Ok(Self {
+            seed,
+            config: config.resolved(),
+            experiment: experiment.resolved(),
+            nominal: nominal.map(|nominal| nominal.resolved()),
+        })
+    }
+
+    fn nominal_sha256(&self) -> Option<&String> {
+        self.nominal.as_ref().map(|nominal| &nominal.sha256)
+    }
 }
 
 /// `campaign.json`.
@@ -53,6 +80,8 @@ pub struct Manifest {
     pub config_sha256: String,
     /// SHA-256 of `experiment.toml`.
     pub experiment_sha256: String,
+    /// SHA-256 of `nominal.toml`, where there is one.
+    pub nominal_sha256: Option<String>,
     /// Version of the program.
     pub version: String,
 }
@@ -81,6 +110,9 @@ impl Folder {
         }
         folder.write(CONFIG, &identity.config.text)?;
         folder.write(EXPERIMENT, &identity.experiment.text)?;
+        if let Some(nominal) = &identity.nominal {
+            folder.write(NOMINAL, &nominal.text)?;
+        }
         folder.write_manifest(identity, runs)?;
         Ok(folder)
     }
@@ -123,6 +155,7 @@ impl Folder {
             runs,
             config_sha256: identity.config.sha256.clone(),
             experiment_sha256: identity.experiment.sha256.clone(),
+            nominal_sha256: identity.nominal_sha256().cloned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
         };
         self.write(CAMPAIGN, &(serde_json::to_string_pretty(&manifest)? + "\n"))
@@ -219,6 +252,9 @@ pub fn check_same(path: &Path, manifest: &Manifest, identity: &Identity) -> anyh
             let line = first_difference(&text, &is.text);
             differences.push(format!("another {}: {line}", name.trim_end_matches(".toml")));
         }
+    }
+    if manifest.nominal_sha256.as_ref() != identity.nominal_sha256() {
+        differences.push("another plant.nominal".to_owned());
     }
     let version = env!("CARGO_PKG_VERSION");
     if manifest.version != version {

@@ -18,12 +18,9 @@
 //! | `pool` | all runs, over all cores |
 //! | `progress` | how far it is |
 //! | `summary` | what all runs say together |
-//! | `pictures` | the same, drawn |
 
 mod command;
 mod folder;
-#[cfg(feature = "figures")]
-mod pictures;
 mod plants;
 mod pool;
 mod progress;

@@ -12,6 +12,8 @@ mod page;
 mod run;
 mod steering;
 
+#[cfg(feature = "sim")]
+pub use campaign::{CampaignRuns, write as write_campaign};
 pub use command::Report;
 #[cfg(feature = "sim")]
 pub use command::{beside, write};

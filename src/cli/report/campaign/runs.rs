@@ -124,8 +124,6 @@ impl CampaignRuns {
         } else {
             folder
         };
-        format!(
-            "magsteer campaign {folder}/config.toml --experiment {folder}/experiment.toml --resume {folder} --only {run}"
-        )
+        format!("magsteer campaign {folder}/config.toml --resume {folder} --only {run}")
     }
 }
