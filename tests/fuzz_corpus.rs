@@ -1,7 +1,7 @@
 //! Bytes from outside must not bring the program down: the committed corpus and seeded mutations of it, through the very entry
 //! points that `tests/fuzz` fuzzes.
 
-#![cfg(feature = "sim")]
+#![cfg(all(feature = "sim", feature = "record", feature = "mpem"))]
 
 #[path = "fuzz/entry_points.rs"]
 mod entry_points;
@@ -113,6 +113,7 @@ fn configurations_experiments_and_fault_plans_never_bring_the_program_down() {
     withstands("config", 1, entry_points::config);
     withstands("experiment", 2, entry_points::experiment);
     withstands("fault_plan", 3, entry_points::fault_plan);
+    withstands("experiment_csv", 12, entry_points::experiment_csv);
 }
 
 /// Proves SR-18.
@@ -121,6 +122,7 @@ fn files_of_measurements_and_targets_never_bring_the_program_down() {
     withstands("targets_csv", 4, entry_points::targets_csv);
     withstands("calibration_csv", 5, entry_points::calibration_csv);
     withstands("identify_csv", 6, entry_points::identify_csv);
+    withstands("calibration_yaml", 13, entry_points::calibration_yaml);
 }
 
 /// Proves SR-18.
@@ -132,8 +134,16 @@ fn messages_of_a_hostile_peer_are_refused_or_usable() {
 
 /// Proves SR-18.
 #[test]
-fn datagrams_flights_and_journals_never_bring_the_program_down() {
+fn requests_and_lines_of_a_hostile_operator_are_refused_or_usable() {
+    withstands("operator_requests", 14, entry_points::operator_requests);
+    withstands("target_lines", 15, entry_points::target_lines);
+}
+
+/// Proves SR-18.
+#[test]
+fn datagrams_flights_journals_and_recordings_never_bring_the_program_down() {
     withstands("datagrams", 9, entry_points::datagrams);
     withstands("flight", 10, entry_points::flight);
     withstands("journal", 11, entry_points::journal);
+    withstands("recording", 16, entry_points::recording);
 }

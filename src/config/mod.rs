@@ -25,6 +25,7 @@ mod problem;
 mod root;
 mod script;
 mod stand_in;
+mod target_lines;
 mod tree;
 
 pub use campaign::{CampaignConfig, Distribution, Draw, Normal, Uniform, run_seed};
@@ -33,3 +34,4 @@ pub use experiment::{Experiment, ExperimentStep, Until};
 pub use problem::{Problem, ProblemKind, Problems};
 pub use root::{Config, TABLES};
 pub use script::experiment_of_csv;
+pub use target_lines::TargetLines;

@@ -9,27 +9,33 @@ use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use magsteer::config::{Config, Document, Experiment, Problems};
-use magsteer::control::identification;
+use magsteer::config::{Config, Document, Experiment, Problems, TargetLines, experiment_of_csv};
 use magsteer::control::plan::parse_targets;
+use magsteer::control::{Cycle, Directions, identification};
 use magsteer::daemon::recorder::{Crc32, Ending, Flight, FlightLabel, JOURNAL, read_journal};
-use magsteer::magnetics::fit;
+use magsteer::daemon::{ControlLoop, DaemonConfig, LoopOptions, Request, RigCounts, Tick, verb_of};
+use magsteer::magnetics::{fit, mpem};
+use magsteer::recording::{Recording, recover};
+use magsteer_hal::binding::RigSheet;
 use magsteer_hal::fault::{FaultAnswer, FaultPlan, FaultPlanConfig, FaultRequest, Injector, Reach};
 use magsteer_hal::message::SCHEMA;
+use magsteer_hal::operator::{OperatorRequest, verb};
+use magsteer_hal::scripted::EchoHardware;
 use magsteer_hal::shape::{CentrelineKind, CloudSettings, CloudShape};
 use magsteer_hal::udp;
 use magsteer_hal::{
     Actuation, COILS_MAX, CoilCommand, CoilFeedback, CommandGuard, FeedbackReceiver, HardwareDescription,
-    Header, HeaderWriter, MAGNETS_MAX, POSE_PARAMETERS_MAX, PoseMessage, PoseReceiver, Stamp,
+    Header, HeaderWriter, MAGNETS_MAX, MagnetPose, POSE_PARAMETERS_MAX, PoseMessage, PoseReceiver, Stamp,
 };
 use magsteer_sim_plant::PlantConfig;
 
 /// The shipped planar rig.
-static RIG: LazyLock<HardwareDescription> = LazyLock::new(|| {
+static SHIPPED: LazyLock<Config> = LazyLock::new(|| {
     let document =
         Document::from_text("shipped", include_str!("../../config/bigmag-planar.toml")).expect("TOML");
-    Config::from_document(&document).expect("shipped").description
+    Config::from_document(&document).expect("shipped")
 });
+static RIG: LazyLock<HardwareDescription> = LazyLock::new(|| SHIPPED.description.clone());
 
 fn text(bytes: &[u8]) -> Option<Document> {
     let document = Document::from_text("fuzzed.toml", std::str::from_utf8(bytes).ok()?);
@@ -64,9 +70,44 @@ pub fn experiment(bytes: &[u8]) {
     match Experiment::from_document(&document, &RIG) {
         Err(problems) => words(&problems),
         Ok(experiment) => {
-            for step in &experiment.steps {
-                let target = experiment.target(step, &RIG);
-                assert!(target.directions.iter().flatten().all(|component| component.is_finite()));
+            look_at_targets(&experiment);
+        }
+    }
+}
+
+fn look_at_targets(experiment: &Experiment) {
+    for step in &experiment.steps {
+        assert!(step.duration_s > 0.0 && step.duration_s.is_finite());
+        let target = experiment.target(step, &RIG);
+        assert!(target.directions.iter().flatten().all(|component| component.is_finite()));
+    }
+}
+
+/// An experiment as a table.
+pub fn experiment_csv(bytes: &[u8]) {
+    match experiment_of_csv(bytes, &RIG) {
+        Err(refusal) => assert!(!refusal.to_string().is_empty()),
+        Ok(experiment) => look_at_targets(&experiment),
+    }
+}
+
+/// Lines of another program that streams targets.
+pub fn target_lines(bytes: &[u8]) {
+    let mut present = Directions::default();
+    present[..2].copy_from_slice(&[[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]);
+    let mut lines = TargetLines::new(&RIG, [0.0, 1.0, 0.0], present);
+    for line in String::from_utf8_lossy(bytes).lines() {
+        match lines.target(line) {
+            Err(refused) => assert!(!refused.is_empty()),
+            Ok(target) => {
+                for direction in &target.directions[..RIG.magnets().count()] {
+                    let norm = direction.iter().map(|component| component * component).sum::<f64>().sqrt();
+                    assert!((norm - 1.0).abs() < 1e-12, "{line}: {direction:?}");
+                }
+                for (angle, frame) in target.frame_angles.iter().flatten().zip(&RIG.frames) {
+                    let slack = 1e-9 * (frame.angle_max - frame.angle_min);
+                    assert!((frame.angle_min - slack..=frame.angle_max + slack).contains(angle), "{line}");
+                }
             }
         }
     }
@@ -205,6 +246,32 @@ impl Cursor<'_> {
         if self.seldom() { self.u32() } else { u32::try_from(fitting).unwrap_or(u32::MAX) }
     }
 
+    /// A request as an operator's program may send it: its verb mostly one that there is, directions anything.
+    fn request(&mut self) -> OperatorRequest {
+        let mut request = OperatorRequest {
+            verb: if self.seldom() { self.u32() } else { u32::from(self.byte() % 9) },
+            magnet_count: self.count(RIG.magnets().count()),
+            pose_parameter_count: u32::from(self.byte() % 4),
+            valid_ms: if self.seldom() { self.u32() } else { 0 },
+            ..OperatorRequest::default()
+        };
+        if request.verb == verb::SET_TARGET {
+            let used = RIG.magnets().count() + 1;
+            for direction in request.direction.iter_mut().take(used) {
+                *direction = match self.byte() % 4 {
+                    0 => self.array(),
+                    1 => [0.0, 0.0, 1.0],
+                    _ => {
+                        let turn = f64::from(self.byte()) / 32.0;
+                        [turn.sin(), 0.0, turn.cos()]
+                    }
+                };
+            }
+            request.angle_rad = self.array();
+        }
+        request
+    }
+
     fn actuation(&mut self) -> Actuation {
         Actuation { current_a: self.array::<COILS_MAX>(), angle_rad: self.array::<POSE_PARAMETERS_MAX>() }
     }
@@ -319,6 +386,51 @@ fn take_fault(cursor: &mut Cursor<'_>, injector: &mut Injector, now: Stamp) {
     assert!(answer.accepted <= 1);
 }
 
+/// Requests of a hostile operator, through the shipped controller and the daemon's loop, to an ideal driver: none
+/// sends a coil or a frame beyond its limits.
+pub fn operator_requests(bytes: &[u8]) {
+    let rig = &*RIG;
+    let missing = "shipped with all tables";
+    let control = SHIPPED.control.as_ref().expect(missing);
+    let daemon: &DaemonConfig = SHIPPED.daemon.as_ref().expect(missing);
+    let controller = Cycle::new(control, rig, SHIPPED.manipulator.clone().expect(missing));
+    let mut hardware = EchoHardware::new(rig);
+    let straight: Vec<MagnetPose> = RigSheet::of(rig)
+        .magnets
+        .iter()
+        .map(|magnet| MagnetPose {
+            position_m: magnet.position_m,
+            orientation_xyzw: magnet.orientation_xyzw,
+            valid: 1,
+            ..MagnetPose::default()
+        })
+        .collect();
+    hardware.set_poses(&straight);
+    let mut control_loop = ControlLoop::new(hardware, controller, rig, daemon, LoopOptions::default());
+    let mut tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
+    let mut cursor = Cursor(bytes);
+    for id in 0..32 {
+        if cursor.0.is_empty() {
+            break;
+        }
+        if let Ok(verb) = verb_of(&cursor.request(), RigCounts::of(rig)) {
+            control_loop.request(Request { id, verb }).expect("the one before was taken by a cycle");
+        }
+        for _ in 0..=cursor.byte() % 32 {
+            let record = control_loop.cycle(tick);
+            tick = tick.stepped(daemon.period());
+            for (current, coil) in record.admitted.current_a.iter().zip(&rig.coils) {
+                assert!(current.abs() <= coil.current_max, "{current}");
+            }
+            for (angle, frame) in record.admitted.angle_rad.iter().zip(&rig.frames) {
+                assert!((frame.angle_min..=frame.angle_max).contains(angle), "{angle}");
+            }
+        }
+    }
+    let guard = control_loop.hardware().guard();
+    assert_eq!(guard.limit_breaks(), 0);
+}
+
 /// Clouds of points, one after the other: any numbers, or near the rod.
 pub fn cloud(bytes: &[u8]) {
     let viewers = [[-0.05, -0.3, 0.1], [0.05, -0.3, 0.1]];
@@ -415,6 +527,64 @@ fn look_at_flight(path: &std::path::Path) {
             let _ = (flight.count(record, &column.name), flight.number(record, &column.name));
         }
     }
+}
+
+/// A recording as it stands, and what recovery makes of it: that is whole, and holds as many messages.
+pub fn recording(bytes: &[u8]) {
+    with_file("recording.mcap", bytes, |path| {
+        look_at_recording(&path);
+        let mended = path.with_file_name("mended.mcap");
+        match recover(&path, &mended) {
+            Err(error) => assert!(!error.to_string().is_empty()),
+            Ok(recovered) => {
+                assert!(recovered.bytes_read + recovered.bytes_lost <= bytes.len() as u64);
+                let again = recover(&mended, &path.with_file_name("again.mcap")).expect("its own");
+                assert!(again.was_whole);
+                assert_eq!((again.messages, again.damaged), (recovered.messages, 0));
+            }
+        }
+    });
+}
+
+fn look_at_recording(path: &std::path::Path) {
+    let recording = match Recording::open(path) {
+        Ok(recording) => recording,
+        Err(error) => {
+            assert!(!error.to_string().is_empty());
+            return;
+        }
+    };
+    let cycles = recording.cycles().expect("it was opened before");
+    let whole = cycles.take_while(Result::is_ok).count() as u64;
+    if let Ok(counts) = recording.counts() {
+        assert_eq!(counts.cycles, whole);
+        assert!(counts.cycles <= counts.messages);
+    }
+    let _ = (recording.events(), recording.metadata());
+}
+
+/// A calibration of a multipole electromagnet model: what is let through is written and read back the same.
+pub fn calibration_yaml(bytes: &[u8]) {
+    let calibration = match mpem::read(bytes) {
+        Ok(calibration) => calibration,
+        Err(refusal) => {
+            assert!(!refusal.to_string().is_empty());
+            return;
+        }
+    };
+    match mpem::placed_coils(&calibration) {
+        Err(refusal) => assert!(!refusal.to_string().is_empty()),
+        Ok(coils) => {
+            for coil in &coils {
+                assert!(coil.coefficients.iter().all(|coefficient| coefficient.is_finite()), "{coil:?}");
+                assert!(coil.field_at_center.iter().all(|component| component.is_finite()), "{coil:?}");
+            }
+        }
+    }
+    let written = mpem::write(&calibration, &[]).expect("the names were read from a file");
+    let again = mpem::read(written.as_bytes()).expect("its own");
+    assert_eq!(again.coils.len(), calibration.coils.len());
+    assert_eq!(mpem::write(&again, &[]).expect("its own"), written);
 }
 
 /// A journal of events.

@@ -1,6 +1,5 @@
 //! `magsteer target stream`: targets of another program, as they come.
 
-use std::collections::BTreeMap;
 use std::io::BufRead;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -8,14 +7,11 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::{Args, value_parser};
-use magsteer::config::{Experiment, ExperimentStep};
-use magsteer::control::{Directions, ReferenceTarget};
+use magsteer::config::TargetLines;
 use magsteer::daemon::StopFlag;
-use magsteer_hal::HardwareDescription;
 use magsteer_hal::channels::OperatorClient;
-use magsteer_hal::invalid::Checks;
 use magsteer_hal::operator::{OperatorRequest, cause, state};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::command::{await_status, present_target};
 use crate::cli::actuation::Numbers;
@@ -52,18 +48,6 @@ pub struct Stream {
     json: bool,
 }
 
-/// One line of the input.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Line {
-    #[serde(default)]
-    target_deg: BTreeMap<String, f64>,
-    #[serde(default)]
-    target_direction: BTreeMap<String, [f64; 3]>,
-    #[serde(default)]
-    frames_deg: BTreeMap<String, f64>,
-}
-
 /// What became of the lines. The keys are stable.
 #[derive(Debug, Default, Serialize)]
 struct Tally {
@@ -72,14 +56,6 @@ struct Tally {
     sent: u64,
     /// Lines that a newer one replaced before they were sent.
     skipped: u64,
-}
-
-/// Turns lines into targets.
-struct Reader<'a> {
-    rig: &'a HardwareDescription,
-    axis: [f64; 3],
-    /// Of every magnet, what it points to when a line does not name it.
-    present: Directions,
 }
 
 impl Stream {
@@ -91,7 +67,7 @@ impl Stream {
         }
         let mut client = connect(&self.rig, None)?;
         let present = present_target(&await_status(&mut client)?);
-        let reader = Reader { rig: &rig, axis, present };
+        let reader = TargetLines::new(&rig, axis, present);
         let stop = Arc::new(StopFlag::new());
         let (lines, input) = channel();
         std::thread::Builder::new().name("magsteer-lines".to_owned()).spawn(move || read_lines(&lines))?;
@@ -110,7 +86,7 @@ impl Stream {
     fn serve(
         &self,
         client: &mut OperatorClient,
-        mut reader: Reader<'_>,
+        mut reader: TargetLines<'_>,
         input: &Receiver<std::io::Result<String>>,
         stop: &StopFlag,
     ) -> anyhow::Result<Tally> {
@@ -126,10 +102,14 @@ impl Stream {
             for line in std::iter::once(first).chain(input.try_iter()) {
                 tally.lines += 1;
                 tally.skipped += u64::from(newest.is_some());
-                newest = Some(reader.target(tally.lines, &line?)?);
+                let number = tally.lines;
+                let target = reader.target(&line?);
+                let refuse = |what| Failure::with(Exit::Data, anyhow!("line {number}: {what}"));
+                newest = Some(target.map_err(refuse)?);
             }
             let Some(target) = newest else { continue };
-            let request = OperatorRequest { valid_ms: self.valid_ms, ..target_request(&target, reader.rig) };
+            let request =
+                OperatorRequest { valid_ms: self.valid_ms, ..target_request(&target, reader.rig()) };
             let answer = send(client, request)?;
             if answer.accepted != 1 {
                 let message = anyhow!("line {}: refused: {}", tally.lines, cause::text(answer.cause));
@@ -146,40 +126,6 @@ impl Stream {
     }
 }
 
-impl Reader<'_> {
-    /// The target of a line, the `number`th.
-    fn target(&mut self, number: u64, text: &str) -> anyhow::Result<ReferenceTarget> {
-        let refuse = |what: String| Failure::with(Exit::Data, anyhow!("line {number}: {what}"));
-        let line: Line = serde_json::from_str(text).map_err(|error| {
-            let expected = "as {\"target_deg\": {\"m1\": 80}}";
-            refuse(format!("{text:?}: {error}: must be one JSON object, {expected}"))
-        })?;
-        let mut step = ExperimentStep {
-            target_deg: line.target_deg,
-            target_direction: line.target_direction,
-            frames_deg: line.frames_deg,
-            duration_s: 1.0,
-            until: None,
-        };
-        for (magnet, direction) in self.rig.magnets().zip(&self.present) {
-            if !step.target_deg.contains_key(&magnet.name) {
-                step.target_direction.entry(magnet.name.clone()).or_insert(*direction);
-            }
-        }
-        let mut checks = Checks::new();
-        step.check("target", self.rig, &mut checks);
-        if let Some(invalid) = checks.into_result(()).err().and_then(|found| found.into_iter().next()) {
-            return Err(refuse(invalid.to_string().replacen("target.", "", 1)));
-        }
-        let zero_direction = [0.0, 0.0, 1.0];
-        let script =
-            Experiment { description: String::new(), axis: self.axis, zero_direction, steps: Vec::new() };
-        let target = script.target(&step, self.rig);
-        self.present = target.directions;
-        Ok(target)
-    }
-}
-
 /// Hands lines over until the input ends, or nobody takes them any more.
 fn read_lines(lines: &Sender<std::io::Result<String>>) {
     for line in std::io::stdin().lock().lines() {
@@ -187,36 +133,6 @@ fn read_lines(lines: &Sender<std::io::Result<String>>) {
         let is_blank = line.as_ref().is_ok_and(|text| text.trim().is_empty());
         if !is_blank && lines.send(line).is_err() || failed {
             return;
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Directions, Reader};
-
-    #[test]
-    fn lines_name_some_magnets_and_leave_the_others_where_they_were_sent() {
-        let rig = magsteer_hal::scripted::example_description();
-        let mut present = Directions::default();
-        (present[0], present[1]) = ([0.0, 0.0, 1.0], [0.0, 1.0, 0.0]);
-        let mut reader = Reader { rig: &rig, axis: [0.0, 1.0, 0.0], present };
-        let target = reader.target(1, r#"{"target_deg": {"m1": 90}}"#).expect("well formed");
-        assert!((target.directions[0][0] - 1.0).abs() < 1e-15);
-        assert_eq!(target.directions[1], [0.0, 1.0, 0.0]);
-        let target = reader.target(2, r#"{"target_direction": {"m2": [0, 0, 2]}}"#).expect("well formed");
-        assert!((target.directions[0][0] - 1.0).abs() < 1e-15, "stays where line 1 sent it");
-        assert_eq!(target.directions[1], [0.0, 0.0, 1.0]);
-        let mut refused = |text| reader.target(7, text).expect_err("refused").to_string();
-        for (text, named) in [
-            ("{", "EOF"),
-            (r#"{"target": 1}"#, "unknown field"),
-            (r#"{"target_deg": {"m9": 1}}"#, "m9"),
-            (r#"{"target_deg": {"m1": 400}}"#, "400"),
-            (r#"{"target_direction": {"m1": [0, 0, 0]}}"#, "other than zero"),
-        ] {
-            let message = refused(text);
-            assert!(message.starts_with("line 7: ") && message.contains(named), "{message}");
         }
     }
 }
