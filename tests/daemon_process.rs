@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use ideal_driver::Driver;
 use magsteer::config::Config;
+use magsteer::daemon::recorder::read_minutes;
 use magsteer::daemon::threads::threads_of;
 use magsteer_hal::channels::PrivateRoot;
 use magsteer_hal::message::driver_state;
@@ -171,6 +172,17 @@ fn sigint_while_steering_ramps_down_and_ends_with_130() {
     assert_eq!(comms["policy"], "SCHED_OTHER", "telemetry never competes with the loop: {report}");
     assert!(threads.iter().any(|thread| thread["name"] == "magsteer-loop"), "{report}");
     assert!(said.contains("active -> safe-stop: the process was asked to end"), "{said}");
+    let minutes = read_minutes(&world.root.path().join("recordings")).expect("own folder");
+    let cycles: u64 = minutes.iter().map(|minute| minute.timing.cycles).sum();
+    assert_eq!(report["records_dropped"], 0, "{report}");
+    assert_eq!(
+        report["loop"]["cycles"], cycles,
+        "every cycle is in a minute, the last ones in a part of one"
+    );
+    for minute in &minutes {
+        let bins = &minute.histograms.lateness_us;
+        assert_eq!(bins.iter().map(|bin| bin.cycles).sum::<u64>(), minute.timing.cycles, "{minute:?}");
+    }
     assert_eq!(world.driver.end().limit_breaks(), 0);
 }
 
@@ -304,6 +316,44 @@ fn a_cpu_that_is_not_there_keeps_an_enforcing_daemon_from_arming() {
     let (code, _, told) = daemon.end();
     assert_eq!(code, Some(143), "{told}");
     assert!(told.contains("CPU 1023"), "what is not granted is told: {told}");
+    world.driver.end();
+}
+
+/// Goal: what is reported of the loop's thread is what the kernel says of it, asked by another process; and where its
+/// memory is locked, no cycle met a page that was not there.
+#[test]
+fn what_the_loop_reports_of_its_grants_is_what_the_kernel_says() {
+    let world = World::new();
+    let mut daemon = Daemon::start(&world, &["--arm"]);
+    world.until(|status| status["state"] == "armed");
+    world.insist("go");
+    let status = world.until(|status| status["state"] == "active");
+    let cycle = |status: &Value| status["cycle"].as_u64().expect("a count");
+    world.until(|later| cycle(later) > cycle(&status) + 500);
+    let process = PathBuf::from(format!("/proc/{}", daemon.child().id()));
+    let threads = threads_of(&process);
+    let seen = threads.iter().find(|thread| thread.name == "magsteer-loop").expect("it runs");
+    let locked = std::fs::read_to_string(process.join("status")).expect("own child");
+    let locked_kb = locked.lines().find_map(|line| line.strip_prefix("VmLck:")).expect("proc(5)");
+    let locked_kb: u64 = locked_kb.trim().trim_end_matches(" kB").parse().expect("a number");
+    daemon.signal(Signal::TERM);
+    let (code, report, said) = daemon.end();
+    assert_eq!(code, Some(143), "{said}");
+    let items = report["realtime"]["items"].as_array().expect("an array");
+    let granted = |name: &str| {
+        let item = items.iter().find(|item| item["name"] == name).expect("it was asked for");
+        item["granted"] == true
+    };
+    assert_eq!(granted("scheduling"), seen.policy == "SCHED_FIFO", "{seen}: {report}");
+    assert_eq!(granted("memory"), locked_kb > 0, "{locked_kb} kB: {report}");
+    assert!(granted("timer slack"), "no right is needed for it: {report}");
+    // None at all under a real-time policy, one nanosecond under others; hidden from who lacks the rights.
+    assert!(seen.timer_slack_ns.is_none_or(|slack| slack <= 1), "{seen}");
+    if granted("memory") {
+        let usage = &report["loop_thread"];
+        assert_eq!(usage["page_faults_minor"], 0, "{report}");
+        assert_eq!(usage["page_faults_major"], 0, "{report}");
+    }
     world.driver.end();
 }
 

@@ -90,6 +90,7 @@ pub use control_loop::{ControlLoop, LoopOptions, Occupied};
 pub use cycle_record::CycleRecord;
 pub use monitors::{MonitorLimits, MonitorReport, Monitors, MonitorsConfig, Sample, SequenceCounts};
 pub use notify::Notify;
+pub use operator_request::{RigCounts, verb_of};
 pub use passive::Judgements;
 pub use phases::{Phase, PhaseTimes, PhaseWatch, StopWatch, Untimed};
 pub use receipt::Receipt;
@@ -97,7 +98,9 @@ pub use run::{RunError, RunPlan, RunReport, run};
 pub use run_digest::RunDigest;
 pub use runner::{LoopCounters, LoopEnd, LoopRings, RampDown, StopFlag, run_loop};
 pub use state::{Answer, Directive, Request, State, Transition, Verb};
-pub use statistics::{CycleTiming, MinuteStatistics, Statistics, latency_histogram, latency_summary};
+pub use statistics::{
+    CycleTiming, MinuteStatistics, MinuteTiming, Statistics, latency_histogram, latency_summary,
+};
 pub use supervisor::{Decision, Supervisor};
 pub use timing_summary::{Bin, LatencySummary, PhaseSummary, TimingHistograms, TimingSummary};
 pub use trust::Astray;

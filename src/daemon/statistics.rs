@@ -161,6 +161,10 @@ impl Statistics {
         }
     }
 
+    fn minute(&self) -> MinuteTiming {
+        MinuteTiming { timing: self.summary(), histograms: self.histograms() }
+    }
+
     /// Lateness and execution bin by bin. Allocates, and reads as many counters: not for the loop.
     #[must_use]
     pub fn histograms(&self) -> TimingHistograms {
@@ -168,19 +172,33 @@ impl Statistics {
     }
 }
 
+/// What one minute came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MinuteTiming {
+    /// Quantiles and maxima.
+    pub timing: TimingSummary,
+    /// The same cycles, bin by bin.
+    pub histograms: TimingHistograms,
+}
+
 /// The same minute by minute: what the last whole one came to. Minutes are counted from the first cycle on.
 #[derive(Debug)]
 pub struct MinuteStatistics {
     current: Statistics,
+    /// The last whole minute.
+    over: Statistics,
     end: Option<Stamp>,
     last: Option<TimingSummary>,
+    /// True until the last whole minute was taken.
+    is_new: bool,
 }
 
 impl MinuteStatistics {
     /// Before the first minute of a loop of this rate.
     #[must_use]
     pub fn new(rate_hz: f64) -> Self {
-        Self { current: Statistics::new(rate_hz), end: None, last: None }
+        let (current, over) = (Statistics::new(rate_hz), Statistics::new(rate_hz));
+        Self { current, over, end: None, last: None, is_new: false }
     }
 
     /// Counts one cycle that began at `now`. Allocates nothing; the first of a minute also sums up the one
@@ -188,8 +206,10 @@ impl MinuteStatistics {
     pub fn record(&mut self, now: Stamp, timing: &CycleTiming) {
         let end = *self.end.get_or_insert(now.after(MINUTE));
         if now >= end {
-            self.last = Some(self.current.summary());
+            std::mem::swap(&mut self.current, &mut self.over);
             self.current.clear();
+            self.last = Some(self.over.summary());
+            self.is_new = true;
             // Whole minutes, also when none of their cycles ran.
             let minutes = now.since(end).as_secs() / MINUTE.as_secs() + 1;
             self.end = Some(end.after(Duration::from_secs(minutes * MINUTE.as_secs())));
@@ -201,6 +221,17 @@ impl MinuteStatistics {
     #[must_use]
     pub fn last(&self) -> Option<&TimingSummary> {
         self.last.as_ref()
+    }
+
+    /// The last whole minute, once. Allocates.
+    pub fn take_over(&mut self) -> Option<MinuteTiming> {
+        std::mem::take(&mut self.is_new).then(|| self.over.minute())
+    }
+
+    /// The minute that is not over yet, for the end of a run; `None` when no cycle of it ran. Allocates.
+    #[must_use]
+    pub fn rest(&self) -> Option<MinuteTiming> {
+        (self.current.cycles > 0).then(|| self.current.minute())
     }
 }
 
@@ -251,7 +282,9 @@ mod tests {
 
     use magsteer_hal::Stamp;
 
-    use super::{CycleTiming, LatencySummary, MinuteStatistics, PhaseTimes, Receipt, Statistics};
+    use super::{
+        CycleTiming, LatencySummary, MinuteStatistics, MinuteTiming, PhaseTimes, Receipt, Statistics,
+    };
 
     fn cycle(lateness_us: u64) -> CycleTiming {
         CycleTiming { lateness: Duration::from_micros(lateness_us), ..CycleTiming::default() }
@@ -326,7 +359,17 @@ mod tests {
                 assert_eq!(last.cycles, 600, "at {tick}");
                 assert!(is_near(last.lateness_us.max, expected), "at {tick}: {last:?}");
             }
+            let taken = minutes.take_over();
+            assert_eq!(taken.is_some(), tick == 600 || tick == 1_200, "at {tick}");
+            if let Some(MinuteTiming { timing, histograms }) = taken {
+                assert!(is_near(timing.lateness_us.max, expected), "at {tick}: {timing:?}");
+                let bins = &histograms.lateness_us;
+                assert_eq!(bins.iter().map(|bin| bin.cycles).sum::<u64>(), 600);
+                assert!(bins.last().is_some_and(|bin| bin.up_to_us >= expected), "at {tick}: {bins:?}");
+            }
         }
+        let rest = minutes.rest().expect("a part of the third minute");
+        assert_eq!(rest.timing.cycles, 600);
     }
 
     #[test]

@@ -158,6 +158,7 @@ impl Telemetry {
         }
         self.end_recording(dropped);
         if let Some(recorder) = self.recorder.take() {
+            self.view.rest_of_minute().into_iter().for_each(|minute| recorder.minute(minute));
             recorder.end();
         }
     }
@@ -200,6 +201,9 @@ impl Telemetry {
                 log_cause(&self.rig, &record, "passive: would have tripped", cause);
             }
             self.view.take(&record);
+            if let (Some(minute), Some(recorder)) = (self.view.take_minute(), &self.recorder) {
+                recorder.minute(minute);
+            }
         }
     }
 

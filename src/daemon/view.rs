@@ -8,7 +8,7 @@ use magsteer_hal::operator::{Cause, LoopTiming, StatusMessage, recorder, state, 
 use magsteer_hal::{HardwareDescription, Stamp};
 
 use super::cycle_record::CycleRecord;
-use super::statistics::{MinuteStatistics, Statistics};
+use super::statistics::{MinuteStatistics, MinuteTiming, Statistics};
 use crate::control::Verdict;
 
 /// Over how long the rate of the loop is measured.
@@ -80,6 +80,17 @@ impl StatusView {
                 self.minutes.last().copied().map_or_else(LoopTiming::default, LoopTiming::from);
         }
         self.newest = Some(*record);
+    }
+
+    /// Timing of a minute, once, when it is over.
+    pub fn take_minute(&mut self) -> Option<MinuteTiming> {
+        self.minutes.take_over()
+    }
+
+    /// Timing of the minute that is not over yet.
+    #[must_use]
+    pub fn rest_of_minute(&self) -> Option<MinuteTiming> {
+        self.minutes.rest()
     }
 
     /// State code of the newest cycle.

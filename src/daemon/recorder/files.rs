@@ -1,4 +1,4 @@
-//! The files thread: writes events and flights, and keeps what it cannot write until it can.
+//! The files thread: writes events, minutes and flights, and keeps what it cannot write until it can.
 //!
 //! Nothing waits for it. A disk that is full, a folder that vanished or may not be written, a file system
 //! that hangs: each is noted in [`RecorderState`], which the status shows, and tried again once a second.
@@ -14,9 +14,13 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
+use serde::Serialize;
+
 use super::flight::{FLIGHT_SUFFIX, PARTIAL_SUFFIX, write_flight};
 use super::header::Header;
-use super::journal::{self, Entry, event};
+use super::journal::{Entry, event};
+use super::lines::{FILE_BYTES_MAX, Lines};
+use super::minutes::Minute;
 use super::ring::Ring;
 use super::wall::compact;
 use crate::daemon::log::log;
@@ -28,7 +32,9 @@ const CHECK: Duration = Duration::from_secs(5);
 /// Events that wait at once.
 pub const EVENTS_MAX: usize = 1_024;
 /// Room asked for beside that of a flight: the journal's next file.
-const ROOM_BESIDE: u64 = journal::FILE_BYTES_MAX;
+const ROOM_BESIDE: u64 = FILE_BYTES_MAX;
+/// Minutes that wait at once: a day. Older ones are forgotten.
+const MINUTES_MAX: usize = 1_440;
 /// Paths of flights that a run remembers.
 const PATHS_MAX: usize = 100;
 /// Names tried for a flight when several are written in one second.
@@ -70,13 +76,13 @@ impl RecorderState {
     }
 }
 
-/// Where events and flights go.
+/// Where events, minutes and flights go.
 pub trait Store: Send {
-    /// Adds a line to the journal.
+    /// Adds a line to the file of such lines.
     ///
     /// # Errors
     /// When nothing was added.
-    fn append(&mut self, line: &str) -> io::Result<()>;
+    fn append(&mut self, lines: Lines, line: &str) -> io::Result<()>;
 
     /// Writes a flight, under a name that nothing had before.
     ///
@@ -101,9 +107,9 @@ pub struct Folder {
 }
 
 impl Store for Folder {
-    fn append(&mut self, line: &str) -> io::Result<()> {
+    fn append(&mut self, lines: Lines, line: &str) -> io::Result<()> {
         fs::create_dir_all(&self.path)?;
-        journal::append(&self.path, line, journal::FILE_BYTES_MAX)
+        lines.append(&self.path, line, FILE_BYTES_MAX)
     }
 
     fn save(&mut self, header: &Header, records: &mut dyn Iterator<Item = &[u8]>) -> io::Result<PathBuf> {
@@ -175,6 +181,8 @@ fn write_file(path: &Path, header: &Header, records: &mut dyn Iterator<Item = &[
 pub enum Job {
     /// An event for the journal.
     Event(Entry),
+    /// Timing of a minute.
+    Minute(Box<Minute>),
     /// A flight.
     Flight(Box<Header>, Ring),
 }
@@ -187,6 +195,7 @@ pub struct Files<S> {
     rings: Sender<Ring>,
     state: Arc<RecorderState>,
     events: VecDeque<Entry>,
+    minutes: VecDeque<Minute>,
     flights: VecDeque<(Box<Header>, Ring)>,
     /// Size of a flight.
     flight_bytes: u64,
@@ -211,6 +220,7 @@ impl<S: Store> Files<S> {
             rings,
             state,
             events: VecDeque::new(),
+            minutes: VecDeque::new(),
             flights: VecDeque::new(),
             flight_bytes,
             next_check: Instant::now(),
@@ -245,20 +255,26 @@ impl<S: Store> Files<S> {
     fn take(&mut self, job: Job) {
         match job {
             Job::Event(entry) => self.events.push_back(entry),
+            Job::Minute(minute) => {
+                if self.minutes.len() >= MINUTES_MAX {
+                    self.minutes.pop_front();
+                }
+                self.minutes.push_back(*minute);
+            }
             Job::Flight(header, ring) => self.flights.push_back((header, ring)),
         }
     }
 
     /// Writes all that can be written.
     fn work(&mut self) {
-        let had_work = !self.events.is_empty() || !self.flights.is_empty();
+        let had_work = !self.events.is_empty() || !self.flights.is_empty() || !self.minutes.is_empty();
         let mut result = self.write_events();
         if let Err(error) = self.write_flights() {
             result = Err(error);
         }
         // Flights are events too.
         if result.is_ok() {
-            result = self.write_events();
+            result = self.write_events().and_then(|()| self.write_minutes());
         }
         let is_time = Instant::now() >= self.next_check;
         if result.is_ok() && is_time {
@@ -299,15 +315,23 @@ impl<S: Store> Files<S> {
                 // A journal ends with the end of its run.
                 break;
             }
-            self.store.append(&line(entry)?)?;
+            self.store.append(Lines::Events, &line(entry)?)?;
             self.events.pop_front();
             self.state.events_waiting.fetch_sub(1, Ordering::Relaxed);
         }
         if lost > self.told_lost {
             let detail = Some(format!("{} events found no room to wait", lost - self.told_lost));
             let newest = Entry { event: event::LOST.to_owned(), detail, ..stamped_now() };
-            self.store.append(&line(&newest)?)?;
+            self.store.append(Lines::Events, &line(&newest)?)?;
             self.told_lost = lost;
+        }
+        Ok(())
+    }
+
+    fn write_minutes(&mut self) -> io::Result<()> {
+        while let Some(minute) = self.minutes.front() {
+            self.store.append(Lines::Minutes, &line(minute)?)?;
+            self.minutes.pop_front();
         }
         Ok(())
     }
@@ -347,7 +371,7 @@ impl<S: Store> Files<S> {
             ));
             // The journal may have room for a line where a flight has none.
             let entry = Entry { event: event::FLIGHT_LOST.to_owned(), ..about(&header, None) };
-            let _ = line(&entry).and_then(|line| self.store.append(&line));
+            let _ = line(&entry).and_then(|line| self.store.append(Lines::Events, &line));
         }
         let _ = self.write_events();
         let events = self.events.len();
@@ -355,10 +379,13 @@ impl<S: Store> Files<S> {
             self.state.events_lost.fetch_add(events as u64, Ordering::Relaxed);
             log(format_args!("recorder: lost {events} events"));
         }
+        if !self.minutes.is_empty() {
+            log(format_args!("recorder: lost the timing of {} minutes", self.minutes.len()));
+        }
     }
 }
 
-fn line(entry: &Entry) -> io::Result<String> {
+fn line(entry: &impl Serialize) -> io::Result<String> {
     Ok(serde_json::to_string(entry)?)
 }
 

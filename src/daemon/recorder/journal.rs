@@ -1,27 +1,16 @@
-//! The journal: every event as one JSON object on one line of `events.jsonl`.
-//!
-//! A line goes to the kernel in one write, so that it survives the death of this process at any moment (not
-//! that of the machine: nothing is synchronised). The file is opened anew for every event, so that a folder
-//! that was removed, replaced or filled costs what could not be written and no more; events are rare. A file
-//! that would grow beyond 4 MiB is moved to `events.1.jsonl`, that one to `events.2.jsonl` and so on; the
-//! fifth is dropped, so that a journal takes 20 MiB at most. Several daemons may share a folder: lines are
-//! written under a lock.
+//! The journal: every event as one JSON object on one line of `events.jsonl`, and its reader.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
-use std::os::unix::fs::{FileExt, MetadataExt};
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::lines::Lines;
+
 /// Name of the file that is written to.
 pub const JOURNAL: &str = "events.jsonl";
-/// A journal file does not grow beyond this, bytes.
-pub const FILE_BYTES_MAX: u64 = 4 << 20;
-/// Files that were moved away and are kept.
-const OLD_FILES: usize = 4;
-/// Attempts to open the file that the name stands for, while others move it away.
-const OPEN_ATTEMPTS: usize = 3;
 /// Longest line that a reader takes, bytes; the writer's are far shorter.
 const LINE_MAX: u64 = 64 << 10;
 
@@ -87,61 +76,6 @@ pub struct Entry {
     pub detail: Option<String>,
 }
 
-/// Path of the file in use, 0, or of the one that was moved away so many times ago.
-fn path_of(folder: &Path, age: usize) -> PathBuf {
-    if age == 0 { folder.join(JOURNAL) } else { folder.join(format!("events.{age}.jsonl")) }
-}
-
-/// Appends a line, without its end, to the journal in `folder`; a file of `bytes_max` is moved away first.
-///
-/// # Errors
-/// What the file system says; the file is then as it was.
-pub fn append(folder: &Path, line: &str, bytes_max: u64) -> io::Result<()> {
-    let mut file = open(folder)?;
-    let mut length = file.metadata()?.len();
-    if length > 0 && length + line.len() as u64 + 2 > bytes_max {
-        for age in (0..OLD_FILES).rev() {
-            let moved = fs::rename(path_of(folder, age), path_of(folder, age + 1));
-            moved
-                .or_else(|error| if error.kind() == io::ErrorKind::NotFound { Ok(()) } else { Err(error) })?;
-        }
-        file = open(folder)?;
-        length = file.metadata()?.len();
-    }
-    let mut bytes = Vec::with_capacity(line.len() + 2);
-    let mut last = [b'\n'];
-    if length > 0 {
-        file.read_exact_at(&mut last, length - 1)?;
-    }
-    if last != *b"\n" {
-        // Whoever wrote there last died in the middle of it.
-        bytes.push(b'\n');
-    }
-    bytes.extend(line.bytes().filter(|byte| *byte != b'\n'));
-    bytes.push(b'\n');
-    file.write_all(&bytes).inspect_err(|_| {
-        // Half a line is none. Should that fail too, the next line begins with an end of line.
-        let _ = file.set_len(length);
-    })
-}
-
-/// Opens and locks the file that the name stands for. The lock is free again when the file is closed.
-fn open(folder: &Path) -> io::Result<File> {
-    let path = path_of(folder, 0);
-    for _ in 0..OPEN_ATTEMPTS {
-        let file = OpenOptions::new().read(true).append(true).create(true).open(&path)?;
-        file.try_lock().map_err(|error| match error {
-            TryLockError::WouldBlock => io::ErrorKind::WouldBlock.into(),
-            TryLockError::Error(error) => error,
-        })?;
-        let (held, named) = (file.metadata()?, fs::metadata(&path)?);
-        if (held.dev(), held.ino()) == (named.dev(), named.ino()) {
-            return Ok(file);
-        }
-    }
-    Err(io::ErrorKind::WouldBlock.into())
-}
-
 /// What a journal was read to.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct JournalPage {
@@ -164,8 +98,7 @@ impl JournalPage {
 /// The journal files of a folder, the oldest first.
 #[must_use]
 pub fn journal_files(folder: &Path) -> Vec<PathBuf> {
-    let files = (0..=OLD_FILES).rev().map(|age| path_of(folder, age));
-    files.filter(|path| path.is_file()).collect()
+    Lines::Events.files(folder)
 }
 
 /// Reads every journal file of a folder.
@@ -197,7 +130,7 @@ impl JournalTail {
     /// # Errors
     /// When it is there and cannot be read.
     pub fn at_end(folder: &Path) -> io::Result<Self> {
-        let mut tail = Self { path: path_of(folder, 0), ..Self::default() };
+        let mut tail = Self { path: Lines::Events.path(folder, 0), ..Self::default() };
         if tail.open()?
             && let Some(reader) = &mut tail.reader
         {

@@ -14,11 +14,13 @@ use super::config::RecorderConfig;
 use super::files::{EVENTS_MAX, Files, Folder, Job, RecorderState, Store};
 use super::header::{Header, Machine};
 use super::journal::{Entry, event};
+use super::minutes::Minute;
 use super::ring::Ring;
 use super::trigger::{AFTER, Trigger, Trip};
 use super::wall::{rfc_3339, wall_time};
 use crate::daemon::cycle_record::CycleRecord;
 use crate::daemon::log::log;
+use crate::daemon::statistics::MinuteTiming;
 
 /// One ring records while the other is written.
 const RINGS: usize = 2;
@@ -160,6 +162,15 @@ impl Recorder {
     pub fn recording_lost(&self, detail: &str) {
         let event = event::RECORDING_LOST.to_owned();
         self.event(Entry { event, detail: Some(detail.to_owned()), ..Entry::default() });
+    }
+
+    /// Notes the timing of a minute that is over now.
+    pub fn minute(&self, MinuteTiming { timing, histograms }: MinuteTiming) {
+        let Some(jobs) = &self.jobs else { return };
+        let time = rfc_3339(SystemTime::now());
+        let minute = Minute { time, rig: self.head.rig.clone(), pid: self.head.pid, timing, histograms };
+        // Without the files thread there is nowhere to put it; the next event tells.
+        let _ = jobs.send(Job::Minute(Box::new(minute)));
     }
 
     /// The run has ended: writes what is due, waits for the files, but not for ever.

@@ -4,7 +4,8 @@
 //! ```text
 //!  loop ── one record a cycle, wait-free ──▶ telemetry thread ──────────────▶ files thread
 //!          (pushed with or without           keeper: encodes into a ring,     journal: events.jsonl
-//!           a recorder)                      sees trips, hands a ring on      flights: *.flight
+//!           a recorder)                      sees trips, hands a ring on      minutes: minutes.jsonl
+//!                                                                             flights: *.flight
 //! ```
 //!
 //! Terms: a *flight* is a file with the records of some seconds before and half a second after a trip; the
@@ -26,7 +27,8 @@
 //! | `header`, `flight` | the file format, and its writer |
 //! | `reading` | its reader, as far as a damaged file goes |
 //! | `extract` | extremes and a short table of a flight |
-//! | `journal` | events as lines, files that rotate, and their reader |
+//! | `lines` | files of lines that rotate |
+//! | `journal`, `minutes` | events, and timing minute by minute, as lines, and their readers |
 //! | `trigger` | when a flight is due |
 //! | `keeper` | the telemetry thread's end |
 //! | `files` | the files thread: writes, counts what failed, tries again |
@@ -41,6 +43,8 @@ mod flight;
 mod header;
 mod journal;
 mod keeper;
+mod lines;
+mod minutes;
 mod reading;
 mod refusal;
 mod ring;
@@ -58,6 +62,8 @@ pub use flight::{FLIGHT_SUFFIX, PARTIAL_SUFFIX};
 pub use header::{Column, Header, Machine, Reason};
 pub use journal::{Entry, JOURNAL, JournalPage, JournalTail, event, journal_files, read_journal};
 pub use keeper::{Recorder, RecorderPlan};
+pub use lines::Lines;
+pub use minutes::{MINUTES, Minute, read_minutes};
 pub use reading::{Ending, Flight, FlightError, FlightLabel};
 pub use refusal::refusal_text;
 pub use wall::{compact, rfc_3339};

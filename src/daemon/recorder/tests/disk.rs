@@ -16,10 +16,13 @@ use super::super::config::RecorderConfig;
 use super::super::files::{EVENTS_MAX, Files, Folder, Job, RecorderState, Store};
 use super::super::flight::write_flight;
 use super::super::header::Header;
+use super::super::lines::Lines;
 use super::super::ring::Ring;
-use super::super::{Entry, JOURNAL, Recorder, RecorderPlan, event, read_journal};
+use super::super::{Entry, JOURNAL, Minute, Recorder, RecorderPlan, event, read_journal};
 use super::{Bench, RATE_HZ, flights, plan, rig, store};
 use crate::daemon::state::Verb;
+use crate::daemon::statistics::MinuteTiming;
+use crate::daemon::timing_summary::{TimingHistograms, TimingSummary};
 
 /// Bound on every wait, only so that a failure ends.
 const PATIENCE: usize = 4_000;
@@ -43,6 +46,7 @@ fn no_space() -> io::Error {
 struct Fickle {
     full: Arc<AtomicBool>,
     lines: Arc<Mutex<Vec<String>>>,
+    minutes: Arc<Mutex<Vec<String>>>,
     flights: Arc<Mutex<Vec<(u64, usize)>>>,
 }
 
@@ -55,6 +59,13 @@ impl Fickle {
         self.full.store(full, Ordering::Release);
     }
 
+    /// Cycles of each minute written.
+    fn minutes(&self) -> Vec<u64> {
+        let lines = self.minutes.lock().expect("no panic");
+        let minute = |line: &String| serde_json::from_str::<Minute>(line).expect("as written");
+        lines.iter().map(|line| minute(line).timing.cycles).collect()
+    }
+
     fn events(&self, wanted: &str) -> usize {
         let lines = self.lines.lock().expect("no panic");
         lines.iter().filter(|line| line.contains(&format!("\"event\":\"{wanted}\""))).count()
@@ -62,9 +73,10 @@ impl Fickle {
 }
 
 impl Store for Fickle {
-    fn append(&mut self, line: &str) -> io::Result<()> {
+    fn append(&mut self, lines: Lines, line: &str) -> io::Result<()> {
         self.ask()?;
-        self.lines.lock().expect("no panic").push(line.to_owned());
+        let kept = if lines == Lines::Events { &self.lines } else { &self.minutes };
+        kept.lock().expect("no panic").push(line.to_owned());
         Ok(())
     }
 
@@ -140,6 +152,24 @@ fn events_beyond_what_may_wait_are_counted_and_told() {
     let lines = disk.lines.lock().expect("no panic").clone();
     assert!(lines.iter().any(|line| line.contains("50 events found no room to wait")), "{lines:?}");
     recorder.end();
+}
+
+/// Goal: minutes wait for room as events do, in their order and in a file of their own.
+#[test]
+fn minutes_of_a_full_disk_are_written_once_there_is_room() {
+    let disk = Fickle::default();
+    disk.fill(true);
+    let recorder = Recorder::with_store(disk.clone(), &plan(&PathBuf::new()), &rig(), RATE_HZ);
+    let recorder = recorder.expect("a thread");
+    for cycles in [3, 4] {
+        let timing = TimingSummary { cycles, ..TimingSummary::default() };
+        recorder.minute(MinuteTiming { timing, histograms: TimingHistograms::default() });
+    }
+    until("the failure is told", || status(&recorder).recorder == recorder::FAILING);
+    assert_eq!(disk.minutes(), Vec::<u64>::new());
+    disk.fill(false);
+    recorder.end();
+    assert_eq!(disk.minutes(), [3, 4]);
 }
 
 /// Goal: at the end of a daemon that never could write, what is lost is counted, and the end comes.

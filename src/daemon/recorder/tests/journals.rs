@@ -6,7 +6,7 @@ use std::path::Path;
 
 use magsteer_hal::operator::{Cause, state, verb};
 
-use super::super::journal::{FILE_BYTES_MAX, append};
+use super::super::lines::{FILE_BYTES_MAX, Lines};
 use super::super::{Entry, JOURNAL, JournalTail, event, journal_files, read_journal};
 use super::Bench;
 use crate::daemon::state::Verb;
@@ -63,7 +63,7 @@ fn a_journal_rotates_within_its_bound_and_keeps_the_newest() {
     const FILE: u64 = 2_000;
     let folder = tempfile::tempdir().expect("a folder");
     for number in 0..1_000 {
-        append(folder.path(), &line(number), FILE).expect("own folder");
+        Lines::Events.append(folder.path(), &line(number), FILE).expect("own folder");
         for path in journal_files(folder.path()) {
             assert!(fs::metadata(&path).expect("there").len() <= FILE, "{}", path.display());
         }
@@ -79,14 +79,14 @@ fn a_journal_rotates_within_its_bound_and_keeps_the_newest() {
 #[test]
 fn a_torn_line_costs_no_other() {
     let folder = tempfile::tempdir().expect("a folder");
-    append(folder.path(), &line(1), 1 << 20).expect("own folder");
+    Lines::Events.append(folder.path(), &line(1), 1 << 20).expect("own folder");
     let path = folder.path().join(JOURNAL);
     let mut file = OpenOptions::new().append(true).open(&path).expect("there");
     file.write_all(&line(2).as_bytes()[..20]).expect("own folder");
     drop(file);
     let page = read_journal(folder.path()).expect("readable");
     assert_eq!((page.entries.len(), page.damaged), (1, 1), "an end that is missing is told");
-    append(folder.path(), &line(3), 1 << 20).expect("own folder");
+    Lines::Events.append(folder.path(), &line(3), 1 << 20).expect("own folder");
     assert_eq!(numbers(folder.path()), [1, 3]);
     assert_eq!(read_journal(folder.path()).expect("readable").damaged, 1);
 }
@@ -115,7 +115,7 @@ fn writers_that_share_a_folder_tear_and_lose_nothing() {
             scope.spawn(move || {
                 for number in 0..LINES {
                     let line = line(1_000 * writer + number);
-                    while let Err(error) = append(path, &line, file_bytes) {
+                    while let Err(error) = Lines::Events.append(path, &line, file_bytes) {
                         assert_eq!(error.kind(), ErrorKind::WouldBlock, "{error}");
                         std::thread::yield_now();
                     }
@@ -139,11 +139,11 @@ fn writers_that_share_a_folder_tear_and_lose_nothing() {
 fn a_follower_sees_every_line_once_across_rotations() {
     const FILE: u64 = 1_500;
     let folder = tempfile::tempdir().expect("a folder");
-    append(folder.path(), &line(0), FILE).expect("own folder");
+    Lines::Events.append(folder.path(), &line(0), FILE).expect("own folder");
     let mut tail = JournalTail::at_end(folder.path()).expect("readable");
     let mut seen = Vec::new();
     for number in 1..200 {
-        append(folder.path(), &line(number), FILE).expect("own folder");
+        Lines::Events.append(folder.path(), &line(number), FILE).expect("own folder");
         if number % 7 == 0 {
             seen.extend(tail.look().expect("readable").entries.iter().filter_map(|entry| entry.cycle));
         }
@@ -154,6 +154,6 @@ fn a_follower_sees_every_line_once_across_rotations() {
     let mut early = JournalTail::at_end(&folder.path().join("later")).expect("not there yet");
     assert_eq!(early.look().expect("still not").entries, vec![]);
     fs::create_dir(folder.path().join("later")).expect("own folder");
-    append(&folder.path().join("later"), &line(7), FILE).expect("own folder");
+    Lines::Events.append(&folder.path().join("later"), &line(7), FILE).expect("own folder");
     assert_eq!(early.look().expect("readable").entries.len(), 1);
 }
