@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """What viewers cost the loop: its lateness with and without them, minute by minute in one run.
 
-    tests/scripts/viewers_beside_loop.py --magsteer target/release/magsteer --config config/bigmag-planar.toml [--pairs 3]
+    tests/scripts/viewers_beside_loop.py --magsteer target/release/magsteer --config config/bigmag-planar.toml [--pairs 3] [--loop-cpu 1]
 
 Starts a simulated rig and lets it steer. Turn by turn nobody looks, or `top` in a terminal (tmux), `web` with its page open
 in headless Chromium, `status --watch` and, where it is built in, `bridge foxglove` do, and `record` records. The minute in which viewers come or
 go is left out; of the next one the daemon's own figures are printed. So a run takes four minutes a pair, and whatever else
-the machine does falls on both sides alike. Ends with 1 when the median of p99.9 with viewers is more than 1.1 times that
+the machine does falls on both sides alike. With `--loop-cpu` the loop has a CPU that plant, viewers and this script keep off, as
+`[daemon] cpu` and `taskset` would have it in a laboratory. Ends with 1 when the median of p99.9 with viewers is more than 1.1 times that
 without.
 """
 
@@ -117,11 +118,21 @@ def measure(rig, pairs):
     return beside <= LIMIT * without
 
 
+def keep_cpu(cpu, config, folder):
+    """Takes this process, and all that it starts, off the CPU; a configuration that has the loop there."""
+    os.sched_setaffinity(0, os.sched_getaffinity(0) - {cpu})
+    path = os.path.join(folder, "kept.toml")
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(f"extends = {json.dumps(config)}\n[daemon]\ncpu = {cpu}\n")
+    return path
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--magsteer", required=True)
     parser.add_argument("--config", required=True)
     parser.add_argument("--pairs", type=int, default=3)
+    parser.add_argument("--loop-cpu", type=int, help="CPU that is kept for the loop")
     arguments = parser.parse_args()
     # What was started is ended, whoever ends this.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
@@ -130,7 +141,10 @@ def main():
         print(f"missing: {', '.join(missing)}")
         return 69
     with tempfile.TemporaryDirectory(prefix="mv") as folder:
-        rig = Rig(os.path.abspath(arguments.magsteer), os.path.abspath(arguments.config), folder)
+        config = os.path.abspath(arguments.config)
+        if arguments.loop_cpu is not None:
+            config = keep_cpu(arguments.loop_cpu, config, folder)
+        rig = Rig(os.path.abspath(arguments.magsteer), config, folder)
         try:
             rig.plant()
             # A machine that stops processes must not end the steering halfway: monitors tell, but do not act.
