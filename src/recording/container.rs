@@ -9,14 +9,20 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use mcap::read::ChunkReader;
-use mcap::records::{Record, op};
+use mcap::records::{ChunkHeader, Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, parse_record};
 
 use super::error::RecordingError;
+use super::lengths;
+use crate::daemon::recorder::Crc32;
 
 /// Longest record that is believed, bytes: far above any chunk.
 const RECORD_MAX: u64 = 1 << 30;
+/// Longest content of a compressed chunk that is believed, bytes.
+const CHUNK_MAX: usize = 256 << 20;
+/// Bytes before the body of a record: its kind and its length.
+const HEAD: usize = 9;
 
 /// How far a file could be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,30 +91,25 @@ impl Records {
                 self.ending = Some(Ending::Cut { at: self.at });
                 return Ok(None);
             };
-            self.at += 9 + body.len() as u64;
-            match parse_record(code, &body) {
-                Ok(Record::Chunk { header, data }) => {
-                    let unpacked = ChunkReader::new(header, &data).and_then(|records| {
-                        records.map(|record| record.map(Record::into_owned)).collect::<Result<Vec<_>, _>>()
-                    });
-                    match unpacked {
-                        Ok(records) => self.unpacked.extend(records.into_iter().rev()),
-                        Err(_) => self.damaged += 1,
-                    }
-                }
-                Ok(Record::Footer(_)) => {
+            self.at += (HEAD + body.len()) as u64;
+            match decode(code, &body) {
+                Some(Record::Chunk { header, data }) => match unpack(&header, &data, &body) {
+                    Some(records) => self.unpacked.extend(records.into_iter().rev()),
+                    None => self.damaged += 1,
+                },
+                Some(Record::Footer(_)) => {
                     self.ending = Some(Ending::Whole);
                     return Ok(None);
                 }
-                Ok(record) => return Ok(Some(record.into_owned())),
-                Err(_) => self.damaged += 1,
+                Some(record) => return Ok(Some(record.into_owned())),
+                None => self.damaged += u64::from(lengths::is_of_use(code)),
             }
         }
     }
 
     /// Reads one record; `None` when the file ends before it does.
     fn read(&mut self) -> io::Result<Option<(u8, Vec<u8>)>> {
-        let mut head = [0; 9];
+        let mut head = [0; HEAD];
         if fill(&mut self.reader, &mut head)? < head.len() {
             return Ok(None);
         }
@@ -135,6 +136,67 @@ impl Records {
     pub fn damaged(&self) -> u64 {
         self.damaged
     }
+}
+
+/// A record that a reader looks into; `None` for others, and for one that is damaged.
+fn decode(code: u8, body: &[u8]) -> Option<Record<'_>> {
+    (lengths::is_of_use(code) && lengths::fit(code, body)).then(|| parse_record(code, body).ok()).flatten()
+}
+
+/// The records of a chunk, whose record is `body`; `None` when its checksum or one of them is wrong.
+fn unpack(header: &ChunkHeader, data: &[u8], body: &[u8]) -> Option<Vec<Record<'static>>> {
+    if header.compression.is_empty() { unpack_plain(header, data) } else { unpack_compressed(body) }
+}
+
+fn unpack_plain(header: &ChunkHeader, mut data: &[u8]) -> Option<Vec<Record<'static>>> {
+    // No checksum is written as 0.
+    if header.uncompressed_crc != 0 && header.uncompressed_crc != Crc32::new().with(data).value() {
+        return None;
+    }
+    let mut records = Vec::new();
+    while let Some((&[code, ref length @ ..], rest)) = data.split_first_chunk::<HEAD>() {
+        let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
+        let (body, behind) = rest.split_at_checked(length)?;
+        data = behind;
+        keep(code, body, &mut records)?;
+    }
+    data.is_empty().then_some(records)
+}
+
+/// By the library's reader of whole files, of which this is the only record.
+fn unpack_compressed(body: &[u8]) -> Option<Vec<Record<'static>>> {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(CHUNK_MAX);
+    let mut reader = LinearReader::new_with_options(options);
+    let head = [&[op::CHUNK], &(body.len() as u64).to_le_bytes()[..]].concat();
+    let (mut first, mut rest) = (&head[..], body);
+    let mut records = Vec::new();
+    while let Some(event) = reader.next_event() {
+        match event.ok()? {
+            LinearReadEvent::ReadRequest(wanted) => {
+                if first.is_empty() {
+                    (first, rest) = (rest, &[]);
+                }
+                let (taken, behind) = first.split_at(wanted.min(first.len()));
+                reader.insert(taken.len()).copy_from_slice(taken);
+                reader.notify_read(taken.len());
+                first = behind;
+            }
+            LinearReadEvent::Record { data, opcode } => keep(opcode, data, &mut records)?,
+        }
+    }
+    Some(records)
+}
+
+/// Adds a record that a reader looks into; `None` when it is damaged.
+fn keep(code: u8, body: &[u8], records: &mut Vec<Record<'static>>) -> Option<()> {
+    if lengths::is_of_use(code) {
+        records.push(decode(code, body)?.into_owned());
+    }
+    Some(())
 }
 
 /// Reads until `bytes` is full or the file ends; how many were read.

@@ -38,7 +38,7 @@
 //! | `info` | what a recording says of itself |
 //! | `writer`, `sink` | a file that grows by whole pieces |
 //! | `recorder` | the process that records |
-//! | `container` | the records of a file, as far as they are whole |
+//! | `container`, `lengths` | the records of a file, as far as they are whole and their lengths no lies |
 //! | `reader` | a recording as its cycles, events and counts |
 //! | `recover` | a whole file of one that was cut |
 //! | `export`, `npz` | cycles as tables |
@@ -53,6 +53,7 @@ mod cycle;
 mod error;
 mod export;
 mod info;
+mod lengths;
 mod npz;
 mod reader;
 mod recorder;
