@@ -75,6 +75,7 @@ fn a_killed_plant_ends_steering_in_a_fault_and_its_follower_is_steered_by_the_sa
     assert!(cause.contains("driver"), "{cause}");
     assert!(daemon.said().contains("no fresh feedback from the driver"), "{}", daemon.said());
     assert!(daemon.runs());
+    assert_a_silent_driver_is_told(&world, &mut operator);
     let plant = world.plant();
     // Held in its fault until it is reset, though the driver is back.
     let feedback_is_back = |status: &_| current(status) < 0.01;
@@ -92,6 +93,26 @@ fn a_killed_plant_ends_steering_in_a_fault_and_its_follower_is_steered_by_the_sa
     operator.steer();
     daemon.kill();
     assert_came_to_zero_in_time(&world, &plant.end());
+}
+
+/// What was measured last is shown with its age, and who resets without a driver is told what helps.
+fn assert_a_silent_driver_is_told(world: &World, operator: &mut Operator) {
+    operator.until(|status| status.feedback_age_us > 300e3 && status.pose_age_us > 300e3);
+    let say = |verb: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
+        let output = command.arg(verb).arg(&world.file).arg("--root").arg(world.root.path()).output();
+        let output = output.expect("the program is built");
+        (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+    };
+    let (code, told) = say("status");
+    assert_eq!(code, Some(0), "{told}");
+    for measured in ["measured ", "currents "] {
+        let line = told.lines().find(|line| line.starts_with(measured)).expect("a line");
+        assert!(line.ends_with(" s ago)"), "{told}");
+    }
+    let (code, told) = say("reset");
+    assert_eq!(code, Some(1), "{told}");
+    assert!(told.contains("start the driver"), "{told}");
 }
 
 /// Proves SR-01 and SR-03.

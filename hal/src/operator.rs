@@ -245,7 +245,7 @@ pub struct LoopTiming {
 /// A view of the daemon for anyone who looks; never a command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_status_v4")]
+#[type_name("magsteer_status_v5")]
 pub struct StatusMessage {
     /// Common header; `source_stamp_ns` is the cycle's tick.
     pub header: Header,
@@ -267,6 +267,8 @@ pub struct StatusMessage {
     pub lateness_max_us: f64,
     /// Age of the newest poses; negative when there are none.
     pub pose_age_us: f64,
+    /// Age of the newest feedback, whose currents and angles are the measured ones here; negative when there is none.
+    pub feedback_age_us: f64,
     /// Timing since the start, renewed once a second.
     pub timing: LoopTiming,
     /// Timing of the last whole minute; no cycles during the first.

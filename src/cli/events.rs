@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::Args;
+use magsteer::config::Config;
 use magsteer::daemon::StopFlag;
 use magsteer::daemon::recorder::{Entry, JOURNAL, JournalTail, journal_files, read_journal};
 use magsteer::live::words;
@@ -22,12 +23,12 @@ const FOLLOW_PERIOD: Duration = Duration::from_millis(200);
 /// Show what happened: changes of state, targets given up, requests refused, flights written.
 ///
 /// The newest event comes last. Ends with 66 when the folder has no journal, with 130 after Ctrl-C.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  magsteer events --last 20\n  magsteer events runs/daemon --json --follow"
+    after_help = "Examples:\n  magsteer events --last 20\n  magsteer events config/bigmag-planar.toml --follow\n  magsteer events runs/daemon --json"
 )]
 pub struct Events {
-    /// Folder of the journal.
+    /// Folder of the journal, or the configuration that names it. A run that is recorded has its journal in its own folder.
     #[arg(value_name = "FOLDER", default_value = RECORDINGS)]
     folder: PathBuf,
     /// Only the newest N.
@@ -43,6 +44,10 @@ pub struct Events {
 
 impl Events {
     pub fn run(&self) -> anyhow::Result<Exit> {
+        Self { folder: journal_folder(&self.folder)?, ..self.clone() }.show()
+    }
+
+    fn show(&self) -> anyhow::Result<Exit> {
         if !self.follow {
             self.print_all()?;
             return Ok(Exit::Success);
@@ -54,7 +59,10 @@ impl Events {
     /// Prints what there is.
     fn print_all(&self) -> anyhow::Result<()> {
         if journal_files(&self.folder).is_empty() {
-            let missing = anyhow!("{}: has no journal ({JOURNAL})", self.folder.display());
+            let missing = anyhow!(
+                "{}: has no journal ({JOURNAL}); that of a run that is recorded is in the run's folder",
+                self.folder.display()
+            );
             return Err(Failure::with(Exit::NoInput, missing));
         }
         let page = read_journal(&self.folder).map_err(|error| self.unreadable(&error))?;
@@ -95,6 +103,17 @@ impl Events {
     fn unreadable(&self, error: &std::io::Error) -> anyhow::Error {
         unreadable(&self.folder, error)
     }
+}
+
+/// The folder that a configuration names, where one is meant.
+fn journal_folder(named: &Path) -> anyhow::Result<PathBuf> {
+    if !named.is_file() {
+        return Ok(named.to_owned());
+    }
+    let (_, config) = Config::load(named)?;
+    let recorder = config.daemon.and_then(|daemon| daemon.recorder);
+    let missing = || anyhow!("{}: has no table [daemon.recorder]: it keeps no journal", named.display());
+    Ok(recorder.ok_or_else(|| Failure::with(Exit::NoInput, missing()))?.folder)
 }
 
 /// A folder that cannot be read.

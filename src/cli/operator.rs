@@ -7,7 +7,7 @@ use clap::Args;
 use magsteer::control::ReferenceTarget;
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::channels::{ClientError, OperatorClient};
-use magsteer_hal::operator::{OperatorAnswer, OperatorRequest, cause, state, verb};
+use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, cause, state, verb};
 use serde::Serialize;
 
 use super::exit::{Exit, Failure};
@@ -94,6 +94,19 @@ fn client_failure(error: ClientError) -> anyhow::Error {
     Failure::with(exit, anyhow::Error::new(error).context("not done"))
 }
 
+/// What helps where the cause alone does not say it.
+fn remedy(answer: &OperatorAnswer) -> Option<&'static str> {
+    let cause = Cause::from_code(answer.cause)?;
+    match (answer.state, cause) {
+        (_, Cause::RampTimeout | Cause::FeedbackStale) => Some(
+            "start the driver where it has died: once it reports coils without current, `magsteer reset` \
+             and `magsteer arm` go on",
+        ),
+        (state::FAULT, _) => Some("once that is mended, `magsteer reset` ends the fault"),
+        _ => None,
+    }
+}
+
 /// Prints an answer; its exit code.
 pub fn tell(answer: &OperatorAnswer, json: bool) -> anyhow::Result<Exit> {
     let accepted = answer.accepted == 1;
@@ -112,6 +125,7 @@ pub fn tell(answer: &OperatorAnswer, json: bool) -> anyhow::Result<Exit> {
     if accepted {
         return Ok(Exit::Success);
     }
-    output::error(format_args!("refused while {state}: {reason} (cause {})", answer.cause));
+    let remedy = remedy(answer).map_or(String::new(), |remedy| format!("; {remedy}"));
+    output::error(format_args!("refused while {state}: {reason} (cause {}){remedy}", answer.cause));
     Ok(Exit::No)
 }

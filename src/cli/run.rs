@@ -209,6 +209,9 @@ fn summary(report: &RunReport) -> String {
         (Some(duration), Some(from), Some(to)) => {
             format!("last ramp-down: {duration:.1} ms, measured {from:.3} A to {to:.3} A\n")
         }
+        (Some(_), Some(from), None) => {
+            format!("last ramp-down: ordered at {from:.3} A, and the driver was not heard to reach zero\n")
+        }
         _ => String::new(),
     };
     let row = |name: &str, latency: &LatencySummary| {

@@ -20,6 +20,8 @@ use super::target::await_status;
 const WATCH_PERIOD: Duration = Duration::from_millis(500);
 /// A status older than this is no longer the daemon's.
 const STATUS_AGE_MAX: Duration = Duration::from_secs(2);
+/// Measurements older than this are marked as such: longer than the slowest sensor takes, µs.
+const MEASURED_AGE_MAX_US: f64 = 200e3;
 
 /// Show what the daemon of a rig does.
 ///
@@ -41,7 +43,7 @@ pub struct Status {
 }
 
 /// The stable keys are `state`, `cause`, `cycle`, `rate_hz`, `targets_deg`, `measured_deg`, `currents_a`, `angles_deg`,
-/// `pose_age_us`, `missed`, `stability_margin`, `target_verdict`, `recorder`, `loop` and `last_minute`. Angles of
+/// `pose_age_us`, `feedback_age_us`, `missed`, `stability_margin`, `target_verdict`, `recorder`, `loop` and `last_minute`. Angles of
 /// tangents are those from global z; absent values are null.
 #[derive(Serialize)]
 struct Answer {
@@ -69,6 +71,8 @@ struct Answer {
     /// Measured.
     angles_deg: Vec<f64>,
     pose_age_us: Option<f64>,
+    /// Age of the measured currents and angles.
+    feedback_age_us: Option<f64>,
     lateness_us: f64,
     /// Since the previous status.
     lateness_max_us: f64,
@@ -126,13 +130,51 @@ impl Status {
             if self.json {
                 output::json(&answer)?;
             } else {
-                output::result(answer.text())?;
+                output::result(answer.text(&self.names(&status)))?;
             }
             if !self.watch {
                 return Ok(Exit::Success);
             }
             std::thread::sleep(WATCH_PERIOD);
         }
+    }
+}
+
+/// Names of a rig's magnets and frames.
+#[derive(Debug, Default)]
+struct Names {
+    magnets: Vec<String>,
+    frames: Vec<String>,
+}
+
+impl Status {
+    /// Names that the configuration at hand has, if it is that of the daemon's rig.
+    fn names(&self, status: &StatusMessage) -> Names {
+        let config = self.rig.load(self.file.as_deref()).ok();
+        let rig = config.map(|config| config.description);
+        let rig = rig.filter(|rig| rig.fingerprint() == status.description_fingerprint);
+        rig.map_or_else(Names::default, |rig| Names {
+            magnets: rig.magnets().map(|magnet| magnet.name.clone()).collect(),
+            frames: rig.frames.iter().map(|frame| frame.name.clone()).collect(),
+        })
+    }
+}
+
+/// Values with two decimals behind their names; without names alone.
+fn numbers<'a>(names: &[String], values: impl IntoIterator<Item = &'a Option<f64>>) -> String {
+    let shown = values.into_iter().enumerate().map(|(index, value)| {
+        let value = value.map_or("-".to_owned(), |value| format!("{value:.2}"));
+        names.get(index).map_or(value.clone(), |name| format!("{name} {value}"))
+    });
+    shown.collect::<Vec<_>>().join("  ")
+}
+
+/// How long ago something was measured, where that is worth saying.
+fn since(age_us: Option<f64>) -> String {
+    match age_us {
+        None => "  (never heard)".to_owned(),
+        Some(age) if age > MEASURED_AGE_MAX_US => format!("  ({:.1} s ago)", age * 1e-6),
+        Some(_) => String::new(),
     }
 }
 
@@ -160,6 +202,7 @@ impl Answer {
             commanded_currents_a: status.admitted.current_a[..coils].to_vec(),
             angles_deg: status.measured.angle_rad[..frames].iter().map(|it| it.to_degrees()).collect(),
             pose_age_us: (status.pose_age_us >= 0.0).then_some(status.pose_age_us),
+            feedback_age_us: (status.feedback_age_us >= 0.0).then_some(status.feedback_age_us),
             lateness_us: status.lateness_us,
             lateness_max_us: status.lateness_max_us,
             missed: status.missed,
@@ -205,27 +248,29 @@ impl Answer {
         lines
     }
 
-    fn text(&self) -> String {
+    fn text(&self, names: &Names) -> String {
         let cause = self.cause.map_or(String::new(), |cause| format!(" ({cause})"));
-        let numbers = |values: &mut dyn Iterator<Item = Option<f64>>| {
-            let shown = values.map(|value| value.map_or("-".to_owned(), |value| format!("{value:.2}")));
-            shown.collect::<Vec<_>>().join(" ")
+        let all = |values: &[f64]| values.iter().copied().map(Some).collect::<Vec<_>>();
+        let target = if self.targets_deg.iter().all(Option::is_none) {
+            "none was set".to_owned()
+        } else {
+            format!("{} deg ({})", numbers(&names.magnets, &self.targets_deg), self.target_verdict)
         };
         let age = self.pose_age_us.map_or("none".to_owned(), |age| format!("{:.1} ms old", age * 1e-3));
         format!(
             "{}{cause}, cycle {}, {:.0} of {:.0} Hz, {} missed, late {:.0} us, poses {age}\n\
-            target   {} deg ({})\nmeasured {} deg\ncurrents {} A\nframes   {} deg\nmargin   {:.2}{}\n{}{}",
+            target   {target}\nmeasured {} deg{}\ncurrents {} A{}\nframes   {} deg\nmargin   {:.2}{}\n{}{}",
             self.state,
             self.cycle,
             self.rate_measured_hz,
             self.rate_hz,
             self.missed,
             self.lateness_us,
-            numbers(&mut self.targets_deg.iter().copied()),
-            self.target_verdict,
-            numbers(&mut self.measured_deg.iter().copied()),
-            numbers(&mut self.currents_a.iter().copied().map(Some)),
-            numbers(&mut self.angles_deg.iter().copied().map(Some)),
+            numbers(&names.magnets, &self.measured_deg),
+            since(self.pose_age_us),
+            numbers(&[], &all(&self.currents_a)),
+            since(self.feedback_age_us),
+            numbers(&names.frames, &all(&self.angles_deg)),
             self.stability_margin,
             if self.stability_low { ": close to a snap-through" } else { "" },
             self.guards(),

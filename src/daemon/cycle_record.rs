@@ -54,6 +54,13 @@ pub struct CycleRecord {
 }
 
 impl CycleRecord {
+    /// Age of the newest valid feedback.
+    #[must_use]
+    pub fn feedback_age(&self) -> Option<Duration> {
+        let stamp = Stamp::from_nanoseconds(self.feedback?.header.publish_stamp_ns);
+        Some(self.tick.now.since(stamp))
+    }
+
     /// Age of the newest valid poses.
     #[must_use]
     pub fn pose_age(&self) -> Option<Duration> {

@@ -88,7 +88,9 @@ mod tests {
     fn a_transition_carries_the_fields_that_a_filter_of_the_journal_asks_for() {
         let rig = example_description();
         let mut lockstep = Lockstep::new(EchoHardware::new(&rig), Idle, &rig, &shipped());
-        (0..20).for_each(|_| drop(lockstep.cycle()));
+        for _ in 0..20 {
+            lockstep.cycle();
+        }
         lockstep.request(Verb::EmergencyStop).expect("one request");
         let record = lockstep.cycle();
         let transition = record.decision.transition.expect("to fault");

@@ -154,7 +154,7 @@ impl RunReport {
             cause_code: end.cause.map_or(0, Cause::code),
             ramp_down_ms: end.ramp_down.map(|ramp| ramp.duration.as_secs_f64() * 1e3),
             ramp_down_from_a: end.ramp_down.map(|ramp| ramp.current_begin),
-            ramp_down_to_a: end.ramp_down.map(|ramp| ramp.current_end),
+            ramp_down_to_a: end.ramp_down.and_then(|ramp| ramp.current_end),
             timing: end.timing,
             histograms: end.histograms.clone(),
             alloc_in_cycle: end.allocations,

@@ -80,8 +80,8 @@ pub struct RampDown {
     pub duration: Duration,
     /// Largest current measured at its begin, A.
     pub current_begin: f64,
-    /// Largest current measured at its end, A.
-    pub current_end: f64,
+    /// Largest current measured at its end, A; `None` when the driver did not report that in time.
+    pub current_end: Option<f64>,
 }
 
 /// What a loop came to when it ended.
@@ -152,7 +152,9 @@ impl RampWatch {
             self.begin = Some((record.tick.now, current));
         } else if let Some((begin, current_begin)) = self.begin.take() {
             let duration = record.tick.now.since(begin);
-            self.last = Some(RampDown { duration, current_begin, current_end: current });
+            let is_confirmed = transition.cause != Some(Cause::RampTimeout);
+            self.last =
+                Some(RampDown { duration, current_begin, current_end: is_confirmed.then_some(current) });
         }
     }
 }

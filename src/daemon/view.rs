@@ -129,6 +129,7 @@ impl StatusView {
             lateness_us: microseconds(record.tick.lateness),
             lateness_max_us: microseconds(lateness_max.max(record.tick.lateness)),
             pose_age_us: record.pose_age().map_or(-1.0, microseconds),
+            feedback_age_us: record.feedback_age().map_or(-1.0, microseconds),
             timing: self.timing,
             last_minute: self.last_minute,
             records_dropped,

@@ -146,6 +146,11 @@ VERBS = {
 }
 
 
+def state(answer):
+    """The daemon's state after a request, in words."""
+    return messages.STATE_NAMES[answer.state]
+
+
 def main():
     """python -m magsteer.operator --rig rig.json status | arm | go | target 70 110 | stop"""
     parser = argparse.ArgumentParser(description="Watch and steer a rig.")
@@ -160,9 +165,9 @@ def main():
         if arguments.verb == "status":
             print(json.dumps(summary(rig, client.status())))
         elif arguments.verb == "target":
-            client.set_targets_deg(arguments.angles_deg)
+            print(state(client.set_targets_deg(arguments.angles_deg)))
         else:
-            client.request(VERBS[arguments.verb])
+            print(state(client.request(VERBS[arguments.verb])))
     except ChannelError as error:
         print(f"error: {error}", file=sys.stderr)
         return 69

@@ -107,6 +107,7 @@ pub(crate) fn layouts() -> Vec<Layout> {
             lateness_us,
             lateness_max_us,
             pose_age_us,
+            feedback_age_us,
             timing,
             last_minute,
             records_dropped,
