@@ -336,7 +336,8 @@ fn all_values_out_of_range_are_reported_at_once_and_in_the_order_of_the_file() {
     assert_eq!(keys, ["coils[0].size"]);
 }
 
-/// Goal: a misspelt table of a map makes a second table, from which keys are missing; the first is what was meant.
+/// Goal: a misspelt table of a map makes a second table, from which keys are missing; the first is what was
+/// meant.
 #[test]
 fn a_misspelt_name_of_a_table_is_told_by_the_keys_that_it_lacks() {
     let text = format!("{RIGHT}\n[manipulator.materials.ruber]\nyoung_modulus_mpa = 2.5\n");

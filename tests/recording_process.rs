@@ -101,7 +101,8 @@ fn a_recorded_run_leaves_a_folder_with_every_cycle_that_replays() {
     assert_eq!(again.status.code(), Some(73), "no recording is written over: {}", said(&again));
 }
 
-/// Goal: who started the daemon before the driver finds neither a folder that holds no run, nor one that is taken.
+/// Goal: who started the daemon before the driver finds neither a folder that holds no run, nor one that is
+/// taken.
 #[test]
 fn a_run_that_finds_no_driver_leaves_no_folder_and_can_be_started_again() {
     let world = World::new();

@@ -47,8 +47,8 @@ impl Checks {
         self.require(value.is_finite() && value > 0.0, key, value, "finite and > 0");
     }
 
-    /// Refuses a value outside `[least, most]`, both ends allowed. Where the key ends in a unit of which the value may have
-    /// been given in another, the refusal says so.
+    /// Refuses a value outside `[least, most]`, both ends allowed. Where the key ends in a unit of which the
+    /// value may have been given in another, the refusal says so.
     pub fn within(&mut self, key: impl Into<String>, value: f64, least: f64, most: f64) {
         let key = key.into();
         let holds = value.is_finite() && value >= least && value <= most;

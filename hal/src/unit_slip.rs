@@ -1,18 +1,21 @@
 //! A value that is a thousand or a million times off was most likely typed in another unit.
 //!
-//! **Method.** A key's last words are its unit. A value out of its range is tried in the units that people mistake for it;
-//! the first that brings it inside is named, with the number that would have been right.
+//! **Method.** A key's last words are its unit. A value out of its range is tried in the units that people
+//! mistake for it; the first that brings it inside is named, with the number that would have been right.
 
 /// What one of the other unit is in the key's own: a number over another, so that decimals stay exact.
 type Factor = (f64, f64);
+
+/// The end of a key, its unit, and those mistaken for that.
+type Unit = (&'static str, &'static str, &'static [(&'static str, Factor)]);
 
 const MILLI: Factor = (1.0, 1e3);
 const MICRO: Factor = (1.0, 1e6);
 const KILO: Factor = (1e3, 1.0);
 const MEGA: Factor = (1e6, 1.0);
 
-/// Ends of keys with their unit and those mistaken for it. A longer end stands before a shorter one that it holds.
-const UNITS: &[(&str, &str, &[(&str, Factor)])] = &[
+/// A longer end stands before a shorter one that it holds.
+const UNITS: &[Unit] = &[
     ("_deg_per_s2", "deg/s^2", &[]),
     ("_m_per_s2", "m/s^2", &[("mm/s^2", MILLI)]),
     ("_a_per_s", "A/s", &[("A/ms", KILO), ("mA/s", MILLI)]),

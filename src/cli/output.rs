@@ -9,8 +9,8 @@ use serde::Serialize;
 /// Most problems that are told at once: whoever mends these sees the next.
 const PROBLEMS_MAX: usize = 20;
 
-/// Whoever read standard output went away, as `head` does once it has its lines. It had enough: a command that has nothing
-/// to do but to tell ends quietly and well.
+/// Whoever read standard output went away, as `head` does once it has its lines. It had enough: a command
+/// that has nothing to do but to tell ends quietly and well.
 #[derive(Debug, thiserror::Error)]
 #[error("standard output was closed")]
 struct ReaderGone;

@@ -30,7 +30,8 @@ const NAMES_MAX: u32 = 100;
 pub struct RunFiles {
     folder: PathBuf,
     description: String,
-    /// Files of this run that were not there before, and the folder when that was not; to be removed in this order.
+    /// Files of this run that were not there before, and the folder when that was not; to be removed in this
+    /// order.
     made: Vec<PathBuf>,
 }
 
@@ -59,8 +60,8 @@ impl RunFiles {
         Ok(files)
     }
 
-    /// Takes away what [`Self::begin`] made, since the run came to nothing. What was recorded all the same stays, with
-    /// all that belongs to it.
+    /// Takes away what [`Self::begin`] made, since the run came to nothing. What was recorded all the same
+    /// stays, with all that belongs to it.
     pub fn discard(&self) {
         if self.recording().exists() {
             return;

@@ -95,8 +95,8 @@ impl Unknown {
     }
 }
 
-/// What to say of a key that nothing reads: what was likely meant, by a slip of the hand or at another place; else what
-/// there is.
+/// What to say of a key that nothing reads: what was likely meant, by a slip of the hand or at another place;
+/// else what there is.
 pub(super) fn instead_of(name: &str, known: &[&str], elsewhere: &Elsewhere<'_>) -> String {
     let slip = nearest(name, known);
     // That a key begins like one of this table says less than that another table has it.
@@ -115,7 +115,8 @@ pub(super) fn instead_of(name: &str, known: &[&str], elsewhere: &Elsewhere<'_>) 
     if similar.is_empty() { listed(known) } else { suggestion(&similar) }
 }
 
-/// Tables beside that at `path` which have `field` and nearly its name: `[materials.pmc770]` for `[materials.pmc777]`.
+/// Tables beside that at `path` which have `field` and nearly its name: `[materials.pmc770]` for
+/// `[materials.pmc777]`.
 fn twin(root: &Node, path: &str, field: &str) -> Option<String> {
     let (parent, name) = path.rsplit_once('.')?;
     let Value::Table(tables) = &root.find(parent)?.value else { return None };

@@ -1,10 +1,12 @@
 //! A key at the wrong place: where in the document it would be right.
 //!
-//! **Problem.** Whoever puts `time_constant_ms` into `[control]` in place of `[control.disturbance]` did not misspell it.
+//! **Problem.** Whoever puts `time_constant_ms` into `[control]` in place of `[control.disturbance]` did not
+//! misspell it.
 //!
-//! **Method.** The types of the tables cannot be asked for their keys, but the document can: most extend a complete one. The
-//! same key is looked for in the section, then in the whole document, then a similar one in the section; of those found, the
-//! ones that lie least deep are named. Keys that nothing reads are no answer.
+//! **Method.** The types of the tables cannot be asked for their keys, but the document can: most extend a
+//! complete one. The same key is looked for in the section, then in the whole document, then a similar one in
+//! the section; of those found, the ones that lie least deep are named. Keys that nothing reads are no
+//! answer.
 
 use std::collections::BTreeSet;
 

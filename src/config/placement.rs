@@ -53,8 +53,8 @@ pub(super) fn check(description: &HardwareDescription) -> Vec<Invalid> {
     checks.into_result(()).err().unwrap_or_default()
 }
 
-/// The coil from whose range several magnets fall while all are in that of every other, and where they are: then it is the
-/// coil, not the magnets, that was put in the wrong place.
+/// The coil from whose range several magnets fall while all are in that of every other, and where they are:
+/// then it is the coil, not the magnets, that was put in the wrong place.
 fn coil_to_blame(description: &HardwareDescription, coils: &PosedArray) -> Option<(usize, String)> {
     let mut blamed = None;
     let mut places = Vec::new();

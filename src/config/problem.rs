@@ -166,7 +166,8 @@ const LISTED_MAX: usize = 12;
 /// Columns after which a list of keys goes on in a new line.
 const COLUMNS_MAX: usize = 110;
 
-/// What would be right in place of a key that nothing reads and that resembles none: the first of those there are.
+/// What would be right in place of a key that nothing reads and that resembles none: the first of those there
+/// are.
 pub(super) fn listed(known: &[&str]) -> String {
     match known.len().checked_sub(LISTED_MAX) {
         _ if known.is_empty() => "left out".to_owned(),
@@ -209,8 +210,8 @@ pub(super) fn one_of(found: &str, known: &[&str]) -> String {
     }
 }
 
-/// The known name with the fewest edits from `found`, when they are few enough to be a slip of the hand; else one that goes
-/// on where `found` ends, as with its unit, or the other way round.
+/// The known name with the fewest edits from `found`, when they are few enough to be a slip of the hand; else
+/// one that goes on where `found` ends, as with its unit, or the other way round.
 pub(super) fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
     let (edits, name) = known.iter().map(|name| (edit_distance(found, name), *name)).min()?;
     let slip = 1 + found.chars().count() / 4;

@@ -13,7 +13,8 @@ const SEGMENTS_MAX: f64 = 10_000.0;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RodConfig {
-    /// Longest Runge-Kutta step, mm, 0.001 to 1000. Each section is cut into the fewest equal steps that are no longer.
+    /// Longest Runge-Kutta step, mm, 0.001 to 1000. Each section is cut into the fewest equal steps that are
+    /// no longer.
     pub segment_length_max_mm: f64,
     /// Scaled residual at which an equilibrium counts as found, 1e-14 to 1e-2.
     /// Forces are in units of EI/L^2, moments of EI/L.

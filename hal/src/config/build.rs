@@ -20,8 +20,8 @@ use super::tables::{
 /// Highest multipole order that both sides evaluate.
 pub const ORDER_MAX: usize = 10;
 
-// Ranges of physical quantities are some hundred times wider than the rigs known to need them: they are there to catch
-// values in a wrong unit, not to say what a laboratory may build.
+// Ranges of physical quantities are some hundred times wider than the rigs known to need them: they are there
+// to catch values in a wrong unit, not to say what a laboratory may build.
 
 /// No rig is larger, mm.
 const EXTENT_MAX_MM: f64 = 1e4;

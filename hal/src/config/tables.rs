@@ -205,7 +205,8 @@ pub struct SectionConfig {
     pub diameter_mm: f64,
     /// True when the section may stretch and shear, false for a Kirchhoff rod.
     pub extensible: bool,
-    /// Curvature about body x and y, and twist, of the unloaded section, 1/m, at most 10000; absent when straight.
+    /// Curvature about body x and y, and twist, of the unloaded section, 1/m, at most 10000; absent when
+    /// straight.
     pub precurvature_per_m: Option<[f64; 3]>,
 }
 

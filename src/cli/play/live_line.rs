@@ -60,7 +60,7 @@ fn terminal_width() -> usize {
 
 /// The live line's text; what matters most stands first.
 ///
-/// `step 1/8  1.2 s  m1 89.7 of 90.0 deg, m2 90.1 of 90.0 deg  3.2 A in iron-top-left  1000 Hz  late 33 us, at most 643 us`
+/// `step 1/8  1.2 s  m1 89.7 of 90.0 deg  3.2 A in iron-top-left  1000 Hz  late 33 us, at most 643 us`
 pub(super) fn live(
     (label, begin): (&str, Stamp),
     rig: &HardwareDescription,

@@ -54,7 +54,8 @@ pub fn actuation(screen: &Screen<'_>, frame: &mut Frame<'_>, area: Rect) {
 /// Columns that a frame takes in full.
 const FRAME_WIDTH: usize = 48;
 
-/// `frame bottom   45.00 of 45.00 deg  -180 to 180`: measured, commanded, range; the same shorter where there is less room.
+/// `frame bottom   45.00 of 45.00 deg  -180 to 180`: measured, commanded, range; the same shorter where there
+/// is less room.
 fn frame_lines<'a>(screen: &'a Screen<'_>, width: usize) -> impl Iterator<Item = Line<'a>> {
     let frames = screen.rig.frames.iter().zip(&screen.figures.frames).zip(&screen.rig.angle_range_deg);
     frames.map(move |((name, frame), [least, greatest])| {
@@ -94,8 +95,8 @@ fn coil_line(index: usize, name: &str, coil: &CoilFigures, width: usize) -> Line
     Line::from(spans)
 }
 
-/// A name in at most so many letters: its longest words lose their ends, so that names which differ in one word still do.
-/// Numbers lose nothing while words have something to lose.
+/// A name in at most so many letters: its longest words lose their ends, so that names which differ in one
+/// word still do. Numbers lose nothing while words have something to lose.
 pub fn short_name(name: &str, width: usize) -> String {
     let mut words: Vec<Vec<char>> = name.split('-').map(|word| word.chars().collect()).collect();
     let hyphens = words.len() - 1;

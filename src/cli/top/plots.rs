@@ -123,8 +123,8 @@ fn legend(plots: &[Plot]) -> Line<'static> {
     ])
 }
 
-/// `m1 69.8 of 70.0 deg`: measured and target; `m1 69.8/70.0` where that is too long for a border of `width`, and the
-/// measured angle alone where that is too.
+/// `m1 69.8 of 70.0 deg`: measured and target; `m1 69.8/70.0` where that is too long for a border of `width`,
+/// and the measured angle alone where that is too.
 fn title(screen: &Screen<'_>, plots: &[Plot], width: u16) -> Line<'static> {
     let angle =
         |angles: &[f64], at: usize| angles.get(at).map_or("-".to_owned(), |angle| format!("{angle:.1}"));
