@@ -95,7 +95,7 @@ fn a_problem_shows_its_line_with_carets() {
     let problems = refused(&RIGHT.replace("supply_v = 48.0", "supply_v = -48.0"));
     let message = problems[0].to_string();
     let lines: Vec<&str> = message.lines().collect();
-    assert_eq!(lines[0], "bench.toml:23:12: coil_types.air.supply_v = -48: must be finite and > 0");
+    assert_eq!(lines[0], "bench.toml:23:12: coil_types.air.supply_v = -48: must be from 0.1 to 5000");
     assert_eq!(lines[1..], ["   |", "23 | supply_v = -48.0", "   |            ^^^^^"]);
 }
 
@@ -125,7 +125,7 @@ fn check_answers_in_json_and_by_its_exit_code() {
     let line = line_of(RIGHT, "distance_mm");
     assert_eq!((&error["line"], &error["column"]), (&line.into(), &15.into()));
     assert_eq!((&error["key"], &error["value"]), (&"coils[0].distance_mm".into(), &"-100".into()));
-    assert_eq!(error["expected"], "finite and > 0");
+    assert_eq!(error["expected"], "from 1 to 10000");
     assert_eq!(check("broken.toml").0, 78);
     assert_eq!(check("absent.toml").0, 66);
 }

@@ -101,6 +101,33 @@ fn a_recorded_run_leaves_a_folder_with_every_cycle_that_replays() {
     assert_eq!(again.status.code(), Some(73), "no recording is written over: {}", said(&again));
 }
 
+/// Goal: who started the daemon before the driver finds neither a folder that holds no run, nor one that is
+/// taken.
+#[test]
+fn a_run_that_finds_no_driver_leaves_no_folder_and_can_be_started_again() {
+    let world = World::new();
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = folder.path().join("run");
+    let root = ["--root", text(world.root.path()), "--wait-s", "0.1"];
+    for command in [["run", text(&world.file), "--record"], ["record", text(&world.file), "--out"]] {
+        for attempt in 0..2 {
+            let mut arguments = command.to_vec();
+            arguments.push(text(&run));
+            arguments.extend(root);
+            let output = magsteer(&arguments);
+            assert_eq!(output.status.code(), Some(69), "{command:?}, {attempt}: {}", said(&output));
+            assert!(!run.exists(), "{command:?}, {attempt}");
+        }
+    }
+    let own = folder.path().join("notes.txt");
+    fs::write(&own, "mine").expect("own directory");
+    let mut arguments = vec!["run", text(&world.file), "--record", text(folder.path())];
+    arguments.extend(root);
+    assert_eq!(magsteer(&arguments).status.code(), Some(69));
+    let left = fs::read_dir(folder.path()).expect("still there").flatten();
+    assert_eq!(left.map(|entry| entry.path()).collect::<Vec<_>>(), [own], "what was there stays");
+}
+
 /// Goal: the loop goes on, the log and the journal say so once, and what was on the disk is made whole.
 #[test]
 fn a_recorder_that_is_killed_is_noticed_and_leaves_a_recording_that_can_be_mended() {

@@ -90,6 +90,12 @@ fn a_soak_that_holds_its_thresholds_passes_and_leaves_its_report() {
         said(&output),
         String::from_utf8_lossy(&output.stdout)
     );
+    let begin: Vec<String> = said(&output).lines().take(2).map(str::to_owned).collect();
+    assert!(
+        begin[0].contains("for 0:00:06") && begin[0].contains(folder.to_str().expect("plain")),
+        "{begin:?}"
+    );
+    assert!(begin[1].contains("alloc_in_cycle>0, trips>0, cycles<10"), "{begin:?}");
     let last = last_line(&output, &folder);
     for key in STABLE {
         assert!(!last[key].is_null(), "{key} of {last}");

@@ -177,6 +177,47 @@ fn who_steers_does_not_mind_that_nobody_takes_its_output() {
     }
 }
 
+/// Goal: `magsteer ... | head` is no failure of any command: nothing is said, and the code is that of an
+/// answer that was read to its end. Where the answer is the code, it stays.
+#[test]
+fn a_reader_that_has_enough_ends_a_command_quietly() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/config/bigmag-planar.toml");
+    let wrong = folder.path().join("wrong.toml");
+    let text = format!("extends = {file:?}\n\n[rig]\nworkspace_diameter_mm = 0.11\n");
+    std::fs::write(&wrong, text).expect("own directory");
+    std::fs::write(folder.path().join("events.jsonl"), "").expect("own directory");
+    let currents = "2,-1,0,0,1.5,0";
+    let (wrong, folder) = (wrong.to_str().expect("plain"), folder.path().to_str().expect("plain"));
+    let cases: &[(i32, &[&str])] = &[
+        (0, &["shape", file, "--currents", currents, "--json"]),
+        (0, &["shape", file, "--currents", currents]),
+        (0, &["hal", "describe", file]),
+        (0, &["hal", "messages"]),
+        (0, &["check", file, "--print-resolved"]),
+        (0, &["check", file]),
+        (78, &["check", wrong, "--json"]),
+        (0, &["runs", "list", folder, "--json"]),
+        (0, &["field", "at", "0", "0", "0", "--config", file, "--currents", currents]),
+        (0, &["--help"]),
+    ];
+    for (code, arguments) in cases {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
+        command.args(*arguments).stdin(Stdio::null()).stdout(Broken::Pipe.output());
+        let output = command.output().expect("the program is built");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), said.as_ref()), (Some(*code), ""), "{arguments:?}");
+    }
+    // A disk that is full is another matter.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_magsteer"));
+    let output = command
+        .args(["shape", file, "--currents", currents, "--json"])
+        .stdout(Broken::Disk.output())
+        .output();
+    let output = output.expect("the program is built");
+    assert_eq!(output.status.code(), Some(74), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 /// A file system of so many bytes, until this goes.
 struct SmallDisk(PathBuf);
 

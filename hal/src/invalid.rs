@@ -2,6 +2,8 @@
 
 use std::fmt::Display;
 
+use crate::unit_slip;
+
 /// One refused value of a configuration.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{key} = {value}: must be {expected}")]
@@ -45,10 +47,30 @@ impl Checks {
         self.require(value.is_finite() && value > 0.0, key, value, "finite and > 0");
     }
 
-    /// Refuses a value outside `[least, most]`, both ends allowed.
+    /// Refuses a value outside `[least, most]`, both ends allowed. Where the key ends in a unit of which the
+    /// value may have been given in another, the refusal says so.
     pub fn within(&mut self, key: impl Into<String>, value: f64, least: f64, most: f64) {
+        let key = key.into();
         let holds = value.is_finite() && value >= least && value <= most;
-        self.require(holds, key, value, format!("from {least} to {most}"));
+        let slip = unit_slip::hint(&key, value, least, most);
+        self.require(holds, key, value, format!("from {least} to {most}{slip}"));
+    }
+
+    /// The same for a quantity that may be absent: zero is allowed too.
+    pub fn zero_or_within(&mut self, key: impl Into<String>, value: f64, least: f64, most: f64) {
+        let key = key.into();
+        let holds = value == 0.0 || (value.is_finite() && value >= least && value <= most);
+        let slip = unit_slip::hint(&key, value, least, most);
+        self.require(holds, key, value, format!("0, or from {least} to {most}{slip}"));
+    }
+
+    /// Refuses a vector that is longer than `most`, or with a component that is not finite.
+    pub fn length_within(&mut self, key: impl Into<String>, vector: &[f64; 3], most: f64) {
+        let key = key.into();
+        let length = vector.iter().map(|component| component * component).sum::<f64>().sqrt();
+        let slip = unit_slip::hint(&key, length, 0.0, most);
+        let expected = format!("finite in every component, and at most {most} in length{slip}");
+        self.require(length <= most, key, format!("{vector:?}"), expected);
     }
 
     /// Refuses a vector with a component that is not finite.

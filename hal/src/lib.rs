@@ -31,6 +31,7 @@ pub mod send;
 pub mod shape;
 pub mod time;
 pub mod udp;
+mod unit_slip;
 
 pub use description::HardwareDescription;
 pub use gate::{Admitted, AdmittedCommand, Authority, Gate, Limited, Refused};

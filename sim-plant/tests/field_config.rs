@@ -102,7 +102,7 @@ fn tip(field: Value) -> Vector3<f64> {
 fn the_plant_moves_otherwise_with_another_truth() {
     let knee = |knee: f64| json!({"core": {"saturation_knee_a": knee}});
     let series = tip(json!({"air": SERIES, "iron": SERIES}));
-    let far_knee = tip(json!({"air": SERIES, "iron": knee(1e6)}));
+    let far_knee = tip(json!({"air": SERIES, "iron": knee(1e4)}));
     let saturated = tip(json!({"air": SERIES, "iron": knee(1.0)}));
     let wound = tip(json!({"air": winding("turns", json!(642.0)), "iron": SERIES}));
     let doubled = tip(json!({"air": winding("turns", json!(1284.0)), "iron": SERIES}));

@@ -49,17 +49,18 @@ impl Check {
         let problems = checked.as_ref().err();
         let resolved = document.resolved();
         if self.json {
-            output::json(&Answer {
+            output::told(output::json(&Answer {
                 ok: problems.is_none(),
                 errors: problems.map_or(&[], Problems::as_slice),
                 files: document.files().collect(),
                 sha256: Some(&resolved.sha256),
                 resolved: self.print_resolved.then_some(&resolved.text),
-            })?;
+            }))?;
         } else if self.print_resolved {
             let files: Vec<&str> = document.files().collect();
             let head = format!("# {}\n# SHA-256 of the text below: ", files.join(", extending "));
-            output::result(format_args!("{head}{}\n\n{}", resolved.sha256, resolved.text))?;
+            let text = format_args!("{head}{}\n\n{}", resolved.sha256, resolved.text);
+            output::told(output::result(text).map_err(Into::into))?;
         }
         match checked {
             Err(problems) => {
@@ -80,7 +81,7 @@ impl Check {
         if self.json {
             let errors = problems.as_slice();
             let answer = Answer { ok: false, errors, files: vec![], sha256: None, resolved: None };
-            output::json(&answer)?;
+            output::told(output::json(&answer))?;
         }
         self.report(problems);
         Ok(Exit::of_problems(problems))
@@ -89,7 +90,7 @@ impl Check {
     /// JSON carries the problems already.
     fn report(&self, problems: &Problems) {
         if !self.json {
-            output::error(problems);
+            output::problems(problems);
         }
     }
 

@@ -14,7 +14,7 @@ use super::check::Check;
 use super::demo::Demo;
 use super::doctor::Doctor;
 use super::events::Events;
-use super::exit::Exit;
+use super::exit::{Exit, Failure};
 use super::fault::Fault;
 use super::field::Field;
 use super::hal::Hal;
@@ -176,8 +176,12 @@ impl Command {
 pub fn run() -> Exit {
     match Cli::parse().command.run() {
         Ok(exit) => exit,
+        Err(error) if output::is_reader_gone(&error) => Exit::Success,
         Err(error) => {
-            output::error(format_args!("{error:#}"));
+            match Failure::problems(&error) {
+                Some(problems) => output::problems(problems),
+                None => output::error(format_args!("{error:#}")),
+            }
             Exit::of(&error)
         }
     }

@@ -68,9 +68,9 @@ pub fn exit_of(stop: &StopFlag) -> Exit {
 /// it is: that it ramped down says more than that its words were lost.
 ///
 /// # Errors
-/// What kept the result from being told, of a command that ended by itself.
+/// What kept the result from being told, of a command that ended by itself; a reader that went away does not.
 pub fn exit_told(stop: &StopFlag, told: anyhow::Result<()>) -> anyhow::Result<Exit> {
-    match (exit_of(stop), told) {
+    match (exit_of(stop), output::told(told)) {
         (Exit::Success, Err(error)) => Err(error),
         (exit, told) => {
             told.unwrap_or_else(|error| output::error(format_args!("{error:#}")));

@@ -76,6 +76,12 @@ impl Failure {
         Self { exit, source: source.into() }.into()
     }
 
+    /// What is wrong with a file, when that is the error.
+    pub fn problems(error: &anyhow::Error) -> Option<&Problems> {
+        let cause = error.downcast_ref::<Self>().map_or(error, |failure| &failure.source);
+        cause.downcast_ref::<Problems>()
+    }
+
     /// Ends the command because a data file, not a configuration, is refused or cannot be read.
     pub fn data(problems: Problems) -> anyhow::Error {
         let exit = if problems.unreadable() { Exit::NoInput } else { Exit::Data };

@@ -1,15 +1,45 @@
 //! Results on standard output, messages on standard error.
 
 use std::fmt::Display;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, ErrorKind, IsTerminal, Write};
 
+use magsteer::config::Problems;
 use serde::Serialize;
 
-/// Prints a result. A reader that went away is an error, not a panic.
+/// Most problems that are told at once: whoever mends these sees the next.
+const PROBLEMS_MAX: usize = 20;
+
+/// Whoever read standard output went away, as `head` does once it has its lines. It had enough: a command
+/// that has nothing to do but to tell ends quietly and well.
+#[derive(Debug, thiserror::Error)]
+#[error("standard output was closed")]
+struct ReaderGone;
+
+/// Prints a result.
+///
+/// # Errors
+/// When it cannot be written; a reader that went away is told apart by [`is_reader_gone`].
 pub fn result(text: impl Display) -> io::Result<()> {
     let mut output = io::stdout().lock();
     let written = write!(output, "{text}").and_then(|()| output.flush());
-    written.map_err(|error| io::Error::new(error.kind(), format!("standard output: {error}")))
+    written.map_err(|error| match error.kind() {
+        ErrorKind::BrokenPipe => io::Error::new(ErrorKind::BrokenPipe, ReaderGone),
+        kind => io::Error::new(kind, format!("standard output: {error}")),
+    })
+}
+
+/// True when nothing failed but that the reader of standard output went away.
+pub fn is_reader_gone(error: &anyhow::Error) -> bool {
+    let cause = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
+    cause.is_some_and(|cause| cause.is::<ReaderGone>())
+}
+
+/// A result as told, to a reader that went away too: for a command whose exit code says more than its words.
+///
+/// # Errors
+/// Whatever else kept it from being told.
+pub fn told(told: anyhow::Result<()>) -> anyhow::Result<()> {
+    told.or_else(|error| if is_reader_gone(&error) { Ok(()) } else { Err(error) })
 }
 
 /// Prints one object on one line.
@@ -21,6 +51,15 @@ pub fn json(value: &impl Serialize) -> anyhow::Result<()> {
 pub fn error(message: impl Display) {
     let label = if coloured() { "\x1b[1;31merror:\x1b[0m" } else { "error:" };
     let _ = writeln!(io::stderr().lock(), "{label} {message}");
+}
+
+/// Tells the user what is wrong with a file, each problem as an error of its own; of very many the first.
+pub fn problems(problems: &Problems) {
+    let problems = problems.as_slice();
+    problems.iter().take(PROBLEMS_MAX).for_each(error);
+    if let Some(rest) = problems.len().checked_sub(PROBLEMS_MAX).filter(|rest| *rest > 0) {
+        error(format_args!("{rest} more: mend these first"));
+    }
 }
 
 /// Tells the user something on the way.

@@ -80,6 +80,9 @@ impl Record {
             || (),
             || record(&endpoint, wait, plan, &stop, attached, &|words| output::note(words)),
         )?;
+        if report.is_err() && !self.as_companion {
+            files.discard();
+        }
         self.tell(&report.map_err(failure)?, &stop)
     }
 

@@ -95,6 +95,9 @@ impl Run {
         }
         let stop = Arc::new(StopFlag::new());
         let report = watching(&stop, self.end_with_stdin, || (), || run(&plan, || controller, &stop))?;
+        if report.is_err() {
+            files.discard();
+        }
         match report {
             Ok(report) => {
                 // Told first, and written whether it was told or not: neither a full disk nor a closed output takes the other.
@@ -171,6 +174,11 @@ impl Kept {
         self.0.as_ref().map(|files| files.companion(endpoint)).transpose()
     }
 
+    /// Leaves nothing of a run that came to nothing.
+    fn discard(&self) {
+        self.0.iter().for_each(RunFiles::discard);
+    }
+
     fn end(&self, report: &RunReport) -> anyhow::Result<()> {
         self.0.as_ref().map_or(Ok(()), |files| files.end(report))
     }
@@ -189,6 +197,8 @@ impl Kept {
     fn companion(&self, _: &Endpoint) -> anyhow::Result<Option<CompanionPlan>> {
         Ok(None)
     }
+
+    fn discard(&self) {}
 
     fn end(&self, _: &RunReport) -> anyhow::Result<()> {
         Ok(())

@@ -30,6 +30,9 @@ const NAMES_MAX: u32 = 100;
 pub struct RunFiles {
     folder: PathBuf,
     description: String,
+    /// Files of this run that were not there before, and the folder when that was not; to be removed in this
+    /// order.
+    made: Vec<PathBuf>,
 }
 
 impl RunFiles {
@@ -39,18 +42,34 @@ impl RunFiles {
     /// When it cannot be made, or holds a recording already.
     pub fn begin(named: Option<&Path>, document: &Document, description: &str) -> anyhow::Result<Self> {
         let folder = named.map_or_else(dated_folder, |folder| Ok(folder.to_owned()))?;
+        let is_new = !folder.exists();
         std::fs::create_dir_all(&folder).map_err(|error| cannot_create(&folder, &error))?;
         let recording = folder.join(RECORDING);
         if recording.exists() {
             let taken = anyhow!("{}: is there already: name another folder", recording.display());
             return Err(Failure::with(Exit::CannotCreate, taken));
         }
-        let files = Self { folder, description: description.to_owned() };
+        let mut made: Vec<PathBuf> = [CONFIG, DESCRIPTION].map(|name| folder.join(name)).into();
+        made.retain(|path| !path.exists());
+        made.extend(is_new.then(|| folder.clone()));
+        let files = Self { folder, description: description.to_owned(), made };
         files.put(CONFIG, &document.resolved().text)?;
         if !description.is_empty() {
             files.put(DESCRIPTION, &format!("{}\n", description.trim_end()))?;
         }
         Ok(files)
+    }
+
+    /// Takes away what [`Self::begin`] made, since the run came to nothing. What was recorded all the same
+    /// stays, with all that belongs to it.
+    pub fn discard(&self) {
+        if self.recording().exists() {
+            return;
+        }
+        for path in &self.made {
+            // A folder that somebody else put files into is not empty, and stays.
+            let _ = if path.is_dir() { std::fs::remove_dir(path) } else { std::fs::remove_file(path) };
+        }
     }
 
     /// Its path.

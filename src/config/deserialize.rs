@@ -13,19 +13,24 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::de::{self, DeserializeOwned, Error, Unexpected};
 
+use super::elsewhere::Elsewhere;
 use super::files::Files;
 use super::node_reader::NodeReader;
-use super::problem::{Problem, ProblemKind, one_of};
-use super::tree::{Entry, Node, child};
+use super::problem::{Problem, ProblemKind, edit_distance, listed, nearest, one_of, suggestion};
+use super::tree::{Entry, Node, Value, child};
 
 /// Most refusals reported at once; each costs one attempt.
 const REFUSALS_MAX: usize = 100;
 
-/// Reads `node`, which stands at `path`, into `T`.
+/// Reads `node`, which stands at `path` of the `whole` document, into `T`.
 ///
 /// # Errors
 /// Every key that is unknown, missing or of another type.
-pub(super) fn read<T: DeserializeOwned>(files: &Files, node: &Node, path: &str) -> Result<T, Vec<Problem>> {
+pub(super) fn read<T: DeserializeOwned>(
+    files: &Files,
+    whole: &Node,
+    (node, path): (&Node, &str),
+) -> Result<T, Vec<Problem>> {
     let mut attempt = Attempt::default();
     let mut problems = Vec::new();
     let mut result = None;
@@ -45,7 +50,10 @@ pub(super) fn read<T: DeserializeOwned>(files: &Files, node: &Node, path: &str) 
             }
         }
     }
-    problems.extend(attempt.unknown.into_inner().into_values().map(|unknown| unknown.problem(files)));
+    let unknown = attempt.unknown.into_inner();
+    let unread: BTreeSet<String> = unknown.keys().cloned().collect();
+    let problem = |unknown: Unknown| unknown.problem(files, whole, (node, path), &unread);
+    problems.extend(unknown.into_values().map(problem));
     match result {
         Some(value) if problems.is_empty() => Ok(value),
         _ => Err(problems),
@@ -67,15 +75,58 @@ pub(super) struct Unknown {
     pub path: String,
     /// Where it stands, and its value.
     pub entry: Entry,
+    /// The key itself.
+    pub name: String,
     /// The keys that would have been read.
-    pub expected: String,
+    pub known: &'static [&'static str],
 }
 
 impl Unknown {
-    fn problem(self, files: &Files) -> Problem {
+    fn problem(
+        self,
+        files: &Files,
+        whole: &Node,
+        section: (&Node, &str),
+        unread: &BTreeSet<String>,
+    ) -> Problem {
         let value = files.words(&self.entry.node.place);
-        files.problem(ProblemKind::UnknownKey, &self.entry.key, self.path, value, self.expected)
+        let expected = instead_of(&self.name, self.known, &Elsewhere { section, whole, unread });
+        files.problem(ProblemKind::UnknownKey, &self.entry.key, self.path, value, expected)
     }
+}
+
+/// What to say of a key that nothing reads: what was likely meant, by a slip of the hand or at another place;
+/// else what there is.
+pub(super) fn instead_of(name: &str, known: &[&str], elsewhere: &Elsewhere<'_>) -> String {
+    let slip = nearest(name, known);
+    // That a key begins like one of this table says less than that another table has it.
+    let is_sure = |slip: &&str| !name.starts_with(slip) || edit_distance(name, slip) <= 2;
+    if let Some(slip) = slip.filter(is_sure) {
+        return suggestion(&[slip]);
+    }
+    let same = elsewhere.same(name);
+    if !same.is_empty() {
+        return suggestion(&same);
+    }
+    if let Some(slip) = slip {
+        return suggestion(&[slip]);
+    }
+    let similar = elsewhere.similar(name);
+    if similar.is_empty() { listed(known) } else { suggestion(&similar) }
+}
+
+/// Tables beside that at `path` which have `field` and nearly its name: `[materials.pmc770]` for
+/// `[materials.pmc777]`.
+fn twin(root: &Node, path: &str, field: &str) -> Option<String> {
+    let (parent, name) = path.rsplit_once('.')?;
+    let Value::Table(tables) = &root.find(parent)?.value else { return None };
+    let has = |entry: &Entry| matches!(&entry.node.value, Value::Table(table) if table.contains_key(field));
+    let others: Vec<&str> = tables
+        .iter()
+        .filter(|(other, entry)| *other != name && has(entry))
+        .map(|(other, _)| other.as_str())
+        .collect();
+    nearest(name, &others).map(|other| child(parent, other))
 }
 
 /// A refusal of serde or of a type's own `Deserialize`.
@@ -115,11 +166,14 @@ impl Refusal {
     fn problem(&self, files: &Files, node: &Node, root: &str) -> Problem {
         let path = self.path.as_deref().unwrap_or(root);
         let relative = path.strip_prefix(root).unwrap_or(path);
-        let (place, _) = node.locate(relative.strip_prefix('.').unwrap_or(relative));
+        let relative = relative.strip_prefix('.').unwrap_or(relative);
+        let (place, _) = node.locate(relative);
         match &self.reason {
             Reason::Missing(field) => {
                 let table = if path.is_empty() { "the file".to_owned() } else { format!("`{path}`") };
-                let expected = format!("given in {table}");
+                let twin = twin(node, relative, field).map(|twin| child(root, &twin));
+                let twin = twin.map_or_else(String::new, |twin| format!("; {}", suggestion(&[twin])));
+                let expected = format!("given in {table}{twin}");
                 files.problem(ProblemKind::Missing, &place, child(path, field), "", expected)
             }
             Reason::Expected(expected) => {

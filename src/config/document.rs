@@ -1,5 +1,6 @@
 //! A file merged with those that it extends.
 
+use std::collections::BTreeSet;
 use std::fmt::{self, Display, Formatter};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,9 +9,10 @@ use magsteer_hal::invalid::Invalid;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
-use super::deserialize;
+use super::deserialize::{self, instead_of};
+use super::elsewhere::Elsewhere;
 use super::files::{Files, unreadable};
-use super::problem::{Problem, ProblemKind, Problems, one_of};
+use super::problem::{Problem, ProblemKind, Problems};
 use super::tree::{self, Node, Table, Value};
 
 /// The key that names the file to be laid under this one.
@@ -146,11 +148,18 @@ impl Document {
     #[must_use]
     pub fn unknown_keys(&self, known: &[&str]) -> Vec<Problem> {
         let entries = self.top().into_iter().flatten();
-        let unknown = entries.filter(|(name, _)| !known.contains(&name.as_str()));
+        let unread: BTreeSet<String> = entries
+            .clone()
+            .map(|(name, _)| name.clone())
+            .filter(|name| !known.contains(&name.as_str()))
+            .collect();
+        let unknown = entries.filter(|(name, _)| unread.contains(*name));
+        let elsewhere = Elsewhere { section: (&self.root, ""), whole: &self.root, unread: &unread };
         unknown
             .map(|(name, entry)| {
                 let value = self.files.words(&entry.node.place);
-                self.files.problem(ProblemKind::UnknownKey, &entry.key, name, value, one_of(name, known))
+                let expected = instead_of(name, known, &elsewhere);
+                self.files.problem(ProblemKind::UnknownKey, &entry.key, name, value, expected)
             })
             .collect()
     }
@@ -162,7 +171,7 @@ impl Document {
     /// The table when it is missing; every key in it that is unknown, missing or of another type.
     pub fn section<T: DeserializeOwned>(&self, key: &str) -> Result<T, Problems> {
         match self.top().and_then(|table| table.get(key)) {
-            Some(entry) => deserialize::read(&self.files, &entry.node, key).map_err(all),
+            Some(entry) => deserialize::read(&self.files, &self.root, (&entry.node, key)).map_err(all),
             None => Err(self.without(key)),
         }
     }
@@ -183,7 +192,7 @@ impl Document {
         let mut table = self.top().cloned().unwrap_or_default();
         table.retain(|name, _| keys.contains(&name.as_str()));
         let part = Node { place: self.root.place.clone(), value: Value::Table(table) };
-        deserialize::read(&self.files, &part, "").map_err(all)
+        deserialize::read(&self.files, &self.root, (&part, "")).map_err(all)
     }
 
     /// Reads the whole document into one type.
@@ -191,7 +200,7 @@ impl Document {
     /// # Errors
     /// Every key that is unknown, missing or of another type.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, Problems> {
-        deserialize::read(&self.files, &self.root, "").map_err(all)
+        deserialize::read(&self.files, &self.root, (&self.root, "")).map_err(all)
     }
 
     /// Refused values, keyed from the root, each with its place in the files.

@@ -17,6 +17,7 @@
 mod campaign;
 mod deserialize;
 mod document;
+mod elsewhere;
 mod experiment;
 mod files;
 mod node_reader;

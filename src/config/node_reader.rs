@@ -117,8 +117,8 @@ impl<'de> Deserializer<'de> for NodeReader<'_> {
                     })
                 }
                 Some((name, entry)) if table.len() == 1 => {
-                    let expected = one_of(name, variants);
-                    let unknown = Unknown { path: child(&path, name), entry: entry.clone(), expected };
+                    let (path, entry, name) = (child(&path, name), entry.clone(), name.clone());
+                    let unknown = Unknown { path, entry, name, known: variants };
                     attempt.unknown.borrow_mut().insert(unknown.path.clone(), unknown);
                     StandIn.deserialize_enum("", variants, visitor)
                 }
@@ -203,8 +203,8 @@ impl<'a> Fields<'a> {
             match self.known {
                 Some(known) if !known.contains(&name.as_str()) => {
                     let path = child(self.path, name);
-                    let unknown =
-                        Unknown { path: path.clone(), entry: entry.clone(), expected: one_of(name, known) };
+                    let (entry, name) = (entry.clone(), name.clone());
+                    let unknown = Unknown { path: path.clone(), entry, name, known };
                     self.attempt.unknown.borrow_mut().insert(path, unknown);
                 }
                 _ => return Some((name, &entry.node)),

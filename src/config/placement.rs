@@ -10,7 +10,7 @@ use magsteer_hal::description::{HardwareDescription, PartDescription, SectionDes
 use magsteer_hal::invalid::{Checks, Invalid};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use crate::magnetics::CoilArray;
+use crate::magnetics::{CoilArray, PosedArray};
 
 /// Steps along a precurved section; a circle of one turn then closes within 1e-3 of its radius.
 const STEPS: usize = 64;
@@ -20,6 +20,13 @@ pub(super) fn check(description: &HardwareDescription) -> Vec<Invalid> {
     let mut checks = Checks::new();
     let workspace = &description.workspace;
     let coils = CoilArray::new(description).posed(&rest_angles(description));
+    let blamed = coil_to_blame(description, &coils);
+    if let Some((coil, places)) = &blamed {
+        checks.require(false, format!("coils[{coil}]"), places, format!(
+            "at least {} mm in front of its face, where its field model holds: is the coil where it is said to be?",
+            short(description.coils[*coil].valid_from_x * 1e3)
+        ));
+    }
     for (index, name, center) in unloaded_magnets(description) {
         let key = format!("manipulator.parts[{index}].magnet");
         let value = format!("{name:?} with its centre at {} mm when unloaded", millimetres(&center));
@@ -31,6 +38,9 @@ pub(super) fn check(description: &HardwareDescription) -> Vec<Invalid> {
         );
         checks.require(distance <= workspace.radius, &key, &value, expected);
         for outside in coils.outside(center) {
+            if blamed.is_some() {
+                continue;
+            }
             let expected = format!(
                 "in the range of coil {:?}: at least {} mm in front of its face, not {}",
                 description.coils[outside.coil].name,
@@ -41,6 +51,24 @@ pub(super) fn check(description: &HardwareDescription) -> Vec<Invalid> {
         }
     }
     checks.into_result(()).err().unwrap_or_default()
+}
+
+/// The coil from whose range several magnets fall while all are in that of every other, and where they are:
+/// then it is the coil, not the magnets, that was put in the wrong place.
+fn coil_to_blame(description: &HardwareDescription, coils: &PosedArray) -> Option<(usize, String)> {
+    let mut blamed = None;
+    let mut places = Vec::new();
+    for (_, name, center) in unloaded_magnets(description) {
+        for outside in coils.outside(center) {
+            if *blamed.get_or_insert(outside.coil) != outside.coil {
+                return None;
+            }
+            places.push(format!("{name:?} at {} mm", short(outside.local_x * 1e3)));
+        }
+    }
+    let coil = blamed.filter(|_| places.len() > 1 && description.coils.len() > 1)?;
+    let name = &description.coils[coil].name;
+    Some((coil, format!("{name:?} with, when unloaded, {} from its face", places.join(" and "))))
 }
 
 /// The angles at which the frames stand before anything turns them: zero, or the end of the range nearest to it.

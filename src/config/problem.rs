@@ -134,7 +134,13 @@ impl Display for Problem {
             ProblemKind::Syntax if value.is_empty() => write!(formatter, "{place}: not TOML: {expected}")?,
             ProblemKind::Syntax => write!(formatter, "{place}: not TOML at `{value}`: {expected}")?,
             ProblemKind::UnknownKey => {
-                write!(formatter, "{place}: {key} = {value}: unknown key: must be {expected}")?;
+                // A question names what was likely meant; anything else is what would be right.
+                let head = format!("{place}: {key} = {value}: unknown key: ");
+                if expected.ends_with('?') {
+                    write!(formatter, "{head}{expected}")?;
+                } else {
+                    formatter.write_str(&folded(&format!("{head}must be {expected}")))?;
+                }
             }
             ProblemKind::Missing => write!(formatter, "{place}: {key} is missing: must be {expected}")?,
             ProblemKind::Value => write!(formatter, "{place}: {key} = {value}: must be {expected}")?,
@@ -155,7 +161,47 @@ impl Serialize for Problems {
     }
 }
 
-/// The names that are right in place of `found`: the likely one first, then all of them.
+/// Most keys that are listed for a person to choose from.
+const LISTED_MAX: usize = 12;
+/// Columns after which a list of keys goes on in a new line.
+const COLUMNS_MAX: usize = 110;
+
+/// What would be right in place of a key that nothing reads and that resembles none: the first of those there
+/// are.
+pub(super) fn listed(known: &[&str]) -> String {
+    match known.len().checked_sub(LISTED_MAX) {
+        _ if known.is_empty() => "left out".to_owned(),
+        None | Some(0) => format!("one of {}", known.join(", ")),
+        Some(rest) => format!("one of {} and {rest} more", known[..LISTED_MAX].join(", ")),
+    }
+}
+
+/// The one question that names what was likely meant.
+pub(super) fn suggestion<P: AsRef<str>>(meant: &[P]) -> String {
+    let quoted: Vec<String> = meant.iter().map(|path| format!("`{}`", path.as_ref())).collect();
+    format!("did you mean {}?", quoted.join(" or "))
+}
+
+/// The text with line ends in place of spaces, so that no line is longer than it must be.
+fn folded(text: &str) -> String {
+    let mut folded = String::with_capacity(text.len());
+    let mut column = 0;
+    for word in text.split(' ') {
+        let width = word.chars().count();
+        if column > 0 && column + 1 + width > COLUMNS_MAX {
+            folded.push_str("\n    ");
+            column = 4;
+        } else if column > 0 {
+            folded.push(' ');
+            column += 1;
+        }
+        folded.push_str(word);
+        column += width;
+    }
+    folded
+}
+
+/// The names that are right in place of `found`: all of them, and the likely one.
 pub(super) fn one_of(found: &str, known: &[&str]) -> String {
     let all = if known.is_empty() { "left out".to_owned() } else { format!("one of {}", known.join(", ")) };
     match nearest(found, known) {
@@ -164,15 +210,19 @@ pub(super) fn one_of(found: &str, known: &[&str]) -> String {
     }
 }
 
-/// The known name with the fewest edits from `found`, when they are few enough to be a slip of the hand.
-fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
+/// The known name with the fewest edits from `found`, when they are few enough to be a slip of the hand; else
+/// one that goes on where `found` ends, as with its unit, or the other way round.
+pub(super) fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
     let (edits, name) = known.iter().map(|name| (edit_distance(found, name), *name)).min()?;
     let slip = 1 + found.chars().count() / 4;
-    (edits <= slip || name.starts_with(found) || found.starts_with(name)).then_some(name)
+    if edits <= slip {
+        return Some(name);
+    }
+    known.iter().copied().find(|name| name.starts_with(found) || found.starts_with(name))
 }
 
 /// Levenshtein's distance, row by row.
-fn edit_distance(left: &str, right: &str) -> usize {
+pub(super) fn edit_distance(left: &str, right: &str) -> usize {
     let right: Vec<char> = right.chars().collect();
     let mut row: Vec<usize> = (0..=right.len()).collect();
     for (i, a) in left.chars().enumerate() {
@@ -201,9 +251,28 @@ mod tests {
     }
 
     #[test]
+    fn a_long_list_of_keys_is_cut_and_says_so() {
+        let keys: Vec<String> = (0..20).map(|index| format!("key_{index}")).collect();
+        let keys: Vec<&str> = keys.iter().map(String::as_str).collect();
+        assert_eq!(listed(&[]), "left out");
+        assert!(listed(&keys[..12]).ends_with("key_10, key_11"), "{}", listed(&keys[..12]));
+        assert!(listed(&keys).ends_with("key_10, key_11 and 8 more"), "{}", listed(&keys));
+    }
+
+    #[test]
+    fn a_message_is_folded_between_words_and_loses_none() {
+        let text = "word ".repeat(60) + "end";
+        let folded = folded(&text);
+        assert!(folded.lines().all(|line| line.chars().count() <= COLUMNS_MAX), "{folded}");
+        assert!(folded.lines().count() == 3, "{folded}");
+        assert_eq!(folded.split_whitespace().collect::<Vec<_>>().join(" "), text);
+    }
+
+    #[test]
     fn a_slip_is_suggested_and_a_different_word_is_not() {
         assert_eq!(nearest("nmae", &["axis", "name"]), Some("name"));
         assert_eq!(nearest("current_max", &["current_max_a", "slew_max_a_per_s"]), Some("current_max_a"));
+        assert_eq!(nearest("rate", &["mode", "rate_hz"]), Some("rate_hz"));
         assert_eq!(nearest("colour", &["axis", "name"]), None);
     }
 }

@@ -13,7 +13,8 @@ const SEGMENTS_MAX: f64 = 10_000.0;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RodConfig {
-    /// Longest Runge-Kutta step, mm, > 0. Each section is cut into the fewest equal steps that are no longer.
+    /// Longest Runge-Kutta step, mm, 0.001 to 1000. Each section is cut into the fewest equal steps that are
+    /// no longer.
     pub segment_length_max_mm: f64,
     /// Scaled residual at which an equilibrium counts as found, 1e-14 to 1e-2.
     /// Forces are in units of EI/L^2, moments of EI/L.
@@ -33,7 +34,7 @@ impl RodConfig {
     /// Every refused value of this table, and parts of the description that statics cannot be made of.
     pub fn build(&self, description: &HardwareDescription) -> Result<Manipulator, Vec<Invalid>> {
         let mut checks = Checks::new();
-        checks.positive("rod.segment_length_max_mm", self.segment_length_max_mm);
+        checks.within("rod.segment_length_max_mm", self.segment_length_max_mm, 1e-3, 1e3);
         checks.within("rod.residual_tolerance", self.residual_tolerance, 1e-14, 1e-2);
         checks.within("rod.iterations_max", f64::from(self.iterations_max), 1.0, 1000.0);
         checks.within("rod.rotation_step_max_deg", self.rotation_step_max_deg, 0.1, 90.0);

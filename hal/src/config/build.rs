@@ -20,6 +20,20 @@ use super::tables::{
 /// Highest multipole order that both sides evaluate.
 pub const ORDER_MAX: usize = 10;
 
+// Ranges of physical quantities are some hundred times wider than the rigs known to need them: they are there
+// to catch values in a wrong unit, not to say what a laboratory may build.
+
+/// No rig is larger, mm.
+const EXTENT_MAX_MM: f64 = 1e4;
+/// Least and most of a coil's greatest current, A.
+const CURRENT_A: (f64, f64) = (1e-3, 1e3);
+/// Longest time from zero to a coil's greatest current, s.
+const RISE_MAX_S: f64 = 10.0;
+/// Most of a coil's first coefficient, T m^3 / A: a hundred times that of an iron core of BigMag.
+const DIPOLE_MAX: f64 = 3e-4;
+/// A curve of 0.1 mm radius.
+const PRECURVATURE_MAX_PER_M: f64 = 1e4;
+
 impl HardwareConfig {
     /// Validates every value and converts to SI.
     ///
@@ -75,7 +89,7 @@ impl HardwareConfig {
     fn coil(&self, key: &str, coil: &CoilConfig, checks: &mut Checks) -> Option<CoilDescription> {
         let place = self.place(key, coil, checks);
         let gain = coil.gain.unwrap_or(1.0);
-        checks.positive(format!("{key}.gain"), gain);
+        checks.within(format!("{key}.gain"), gain, 0.01, 100.0);
         let frame = coil.frame.as_ref().and_then(|name| {
             let found = self.frames.iter().position(|frame| frame.name == *name);
             let names: Vec<&str> = self.frames.iter().map(|frame| frame.name.as_str()).collect();
@@ -121,7 +135,7 @@ impl HardwareConfig {
         };
         match placement {
             CoilPlacement::Aimed { azimuth_deg, elevation_deg, distance_mm } => {
-                checks.positive(format!("{key}.distance_mm"), distance_mm);
+                checks.within(format!("{key}.distance_mm"), distance_mm, 1.0, EXTENT_MAX_MM);
                 checks.within(format!("{key}.azimuth_deg"), azimuth_deg, -360.0, 360.0);
                 checks.within(format!("{key}.elevation_deg"), elevation_deg, -90.0, 90.0);
                 let rotation = product(
@@ -133,7 +147,7 @@ impl HardwareConfig {
                 Some((rotation, [0, 1, 2].map(|row| center[row] - rotation[row][0] * distance)))
             }
             CoilPlacement::Free { position_mm, axis } => {
-                checks.finite(format!("{key}.position_mm"), &position_mm);
+                checks.length_within(format!("{key}.position_mm"), &position_mm, EXTENT_MAX_MM);
                 let axis = unit(&format!("{key}.axis"), axis, checks);
                 Some((rotation_from_x(axis), position_mm.map(millimetres)))
             }
@@ -146,9 +160,9 @@ impl RigConfig {
         let holds = is_rig_name(&self.name);
         let expected = "1 to 40 lower-case letters, digits and hyphens";
         checks.require(holds, "rig.name", format!("{:?}", self.name), expected);
-        checks.finite("rig.workspace_center_mm", &self.workspace_center_mm);
-        checks.positive("rig.workspace_diameter_mm", self.workspace_diameter_mm);
-        checks.finite("rig.gravity_m_per_s2", &self.gravity_m_per_s2);
+        checks.length_within("rig.workspace_center_mm", &self.workspace_center_mm, EXTENT_MAX_MM);
+        checks.within("rig.workspace_diameter_mm", self.workspace_diameter_mm, 1.0, EXTENT_MAX_MM);
+        checks.length_within("rig.gravity_m_per_s2", &self.gravity_m_per_s2, 100.0);
     }
 }
 
@@ -156,8 +170,8 @@ impl FrameConfig {
     fn build(&self, key: &str, checks: &mut Checks) -> FrameDescription {
         checks.within(format!("{key}.angle_min_deg"), self.angle_min_deg, -360.0, 360.0);
         checks.within(format!("{key}.angle_max_deg"), self.angle_max_deg, self.angle_min_deg, 360.0);
-        checks.positive(format!("{key}.speed_max_deg_per_s"), self.speed_max_deg_per_s);
-        checks.finite(format!("{key}.pivot_mm"), &self.pivot_mm);
+        checks.within(format!("{key}.speed_max_deg_per_s"), self.speed_max_deg_per_s, 1e-3, 1e4);
+        checks.length_within(format!("{key}.pivot_mm"), &self.pivot_mm, EXTENT_MAX_MM);
         FrameDescription {
             name: self.name.clone(),
             axis: unit(&format!("{key}.axis"), self.axis, checks),
@@ -176,12 +190,21 @@ impl CoilTypeConfig {
         let expected = format!("1 to {ORDER_MAX} coefficients");
         checks.require(holds, format!("{key}.coefficients_si"), format!("{order} coefficients"), expected);
         checks.finite(format!("{key}.coefficients_si"), &self.coefficients_si);
-        checks.positive(format!("{key}.valid_from_x_mm"), self.valid_from_x_mm);
-        checks.positive(format!("{key}.current_max_a"), self.current_max_a);
-        checks.positive(format!("{key}.slew_max_a_per_s"), self.slew_max_a_per_s);
-        checks.positive(format!("{key}.resistance_ohm"), self.resistance_ohm);
-        checks.positive(format!("{key}.inductance_h"), self.inductance_h);
-        checks.positive(format!("{key}.supply_v"), self.supply_v);
+        if let Some(&dipole) = self.coefficients_si.first().filter(|_| holds) {
+            let value = format!("{dipole} in front");
+            let expected =
+                format!("at most {DIPOLE_MAX} T m^3/A in front, of a field in T, lengths in m and 1 A");
+            let is_possible = !dipole.is_finite() || dipole.abs() <= DIPOLE_MAX;
+            checks.require(is_possible, format!("{key}.coefficients_si"), value, expected);
+        }
+        checks.within(format!("{key}.valid_from_x_mm"), self.valid_from_x_mm, 0.1, 1e3);
+        checks.within(format!("{key}.current_max_a"), self.current_max_a, CURRENT_A.0, CURRENT_A.1);
+        // No coil takes longer from zero to its greatest current than this.
+        let slew_min = self.current_max_a.clamp(CURRENT_A.0, CURRENT_A.1) / RISE_MAX_S;
+        checks.within(format!("{key}.slew_max_a_per_s"), self.slew_max_a_per_s, slew_min, 1e6);
+        checks.within(format!("{key}.resistance_ohm"), self.resistance_ohm, 1e-3, 1e3);
+        checks.within(format!("{key}.inductance_h"), self.inductance_h, 1e-7, 10.0);
+        checks.within(format!("{key}.supply_v"), self.supply_v, 0.1, 5e3);
     }
 }
 
@@ -198,14 +221,14 @@ impl ManipulatorConfig {
     }
 
     fn build(&self, checks: &mut Checks) -> ManipulatorDescription {
-        checks.finite("manipulator.base_position_mm", &self.base_position_mm);
+        checks.length_within("manipulator.base_position_mm", &self.base_position_mm, EXTENT_MAX_MM);
         checks.within("manipulator.base_roll_deg", self.base_roll_deg, -360.0, 360.0);
         let tangent = unit("manipulator.base_tangent", self.base_tangent, checks);
         for (name, material) in &self.materials {
             let key = format!("manipulator.materials.{name}");
-            checks.positive(format!("{key}.young_modulus_mpa"), material.young_modulus_mpa);
+            checks.within(format!("{key}.young_modulus_mpa"), material.young_modulus_mpa, 1e-3, 1e6);
             checks.within(format!("{key}.poisson_ratio"), material.poisson_ratio, 0.0, 0.5);
-            not_negative(format!("{key}.density_kg_per_m3"), material.density_kg_per_m3, checks);
+            density(&key, material.density_kg_per_m3, checks);
         }
         let build = |(index, part): (usize, &PartConfig)| {
             let key = format!("manipulator.parts[{index}]");
@@ -251,10 +274,9 @@ impl ManipulatorConfig {
     }
 
     fn section(&self, key: &str, section: &SectionConfig, checks: &mut Checks) -> Option<PartDescription> {
-        checks.positive(format!("{key}.length_mm"), section.length_mm);
-        checks.positive(format!("{key}.diameter_mm"), section.diameter_mm);
+        size(key, section.length_mm, section.diameter_mm, checks);
         let precurvature = section.precurvature_per_m.unwrap_or_default();
-        checks.finite(format!("{key}.precurvature_per_m"), &precurvature);
+        checks.length_within(format!("{key}.precurvature_per_m"), &precurvature, PRECURVATURE_MAX_PER_M);
         let material = self.materials.get(&section.material);
         let names: Vec<&str> = self.materials.keys().map(String::as_str).collect();
         let expected = format!("the name of a material ({})", names.join(", "));
@@ -281,16 +303,15 @@ impl ManipulatorConfig {
 
 impl StiffnessSectionConfig {
     fn build(&self, key: &str, checks: &mut Checks) -> PartDescription {
-        checks.positive(format!("{key}.length_mm"), self.length_mm);
-        checks.positive(format!("{key}.diameter_mm"), self.diameter_mm);
-        checks.positive(format!("{key}.bending_n_m2"), self.bending_n_m2);
-        checks.positive(format!("{key}.torsion_n_m2"), self.torsion_n_m2);
-        not_negative(format!("{key}.mass_kg_per_m"), self.mass_kg_per_m, checks);
+        size(key, self.length_mm, self.diameter_mm, checks);
+        checks.within(format!("{key}.bending_n_m2"), self.bending_n_m2, 1e-14, 100.0);
+        checks.within(format!("{key}.torsion_n_m2"), self.torsion_n_m2, 1e-14, 100.0);
+        checks.within(format!("{key}.mass_kg_per_m"), self.mass_kg_per_m, 0.0, 10.0);
         let precurvature = self.precurvature_per_m.unwrap_or_default();
-        checks.finite(format!("{key}.precurvature_per_m"), &precurvature);
+        checks.length_within(format!("{key}.precurvature_per_m"), &precurvature, PRECURVATURE_MAX_PER_M);
         for (name, stiffness) in [("shear_n", self.shear_n), ("axial_n", self.axial_n)] {
             if let Some(stiffness) = stiffness {
-                checks.positive(format!("{key}.{name}"), stiffness);
+                checks.within(format!("{key}.{name}"), stiffness, 1e-6, 1e9);
             }
         }
         checks.require(
@@ -314,10 +335,9 @@ impl StiffnessSectionConfig {
 
 impl MagnetConfig {
     fn build(&self, key: &str, checks: &mut Checks) -> PartDescription {
-        checks.positive(format!("{key}.length_mm"), self.length_mm);
-        checks.positive(format!("{key}.diameter_mm"), self.diameter_mm);
-        not_negative(format!("{key}.density_kg_per_m3"), self.density_kg_per_m3, checks);
-        checks.finite(format!("{key}.moment_body_a_m2"), &self.moment_body_a_m2);
+        size(key, self.length_mm, self.diameter_mm, checks);
+        density(key, self.density_kg_per_m3, checks);
+        checks.length_within(format!("{key}.moment_body_a_m2"), &self.moment_body_a_m2, 10.0);
         let length = millimetres(self.length_mm);
         let radius = millimetres(self.diameter_mm) / 2.0;
         PartDescription::Magnet(MagnetDescription {
@@ -334,8 +354,15 @@ fn millimetres(value: f64) -> f64 {
     value * 1e-3
 }
 
-fn not_negative(key: String, value: f64, checks: &mut Checks) {
-    checks.require(value.is_finite() && value >= 0.0, key, value, "finite and >= 0");
+/// Refuses a part of a size that no manipulator's part has.
+fn size(key: &str, length_mm: f64, diameter_mm: f64, checks: &mut Checks) {
+    checks.within(format!("{key}.length_mm"), length_mm, 0.1, EXTENT_MAX_MM);
+    checks.within(format!("{key}.diameter_mm"), diameter_mm, 0.01, 1e3);
+}
+
+/// Refuses a density that no solid has; zero stands for a part without weight.
+fn density(key: &str, value: f64, checks: &mut Checks) {
+    checks.zero_or_within(format!("{key}.density_kg_per_m3"), value, 10.0, 3e4);
 }
 
 /// Refuses a name that stands twice.

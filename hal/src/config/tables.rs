@@ -31,11 +31,11 @@ pub struct HardwareConfig {
 pub struct RigConfig {
     /// Lower-case letters, digits and hyphens; part of every channel's name.
     pub name: String,
-    /// Centre of the spherical workspace, mm, world.
+    /// Centre of the spherical workspace, mm, world; within 10 m of the origin, as every position.
     pub workspace_center_mm: [f64; 3],
-    /// Diameter of the workspace, mm, > 0.
+    /// Diameter of the workspace, mm, 1 to 10000.
     pub workspace_diameter_mm: f64,
-    /// Acceleration of gravity, m/s^2, world.
+    /// Acceleration of gravity, m/s^2, world; at most 100.
     pub gravity_m_per_s2: [f64; 3],
 }
 
@@ -53,7 +53,7 @@ pub struct FrameConfig {
     pub angle_min_deg: f64,
     /// Greatest angle, deg, above the least.
     pub angle_max_deg: f64,
-    /// Greatest speed, deg/s, > 0.
+    /// Greatest speed, deg/s, 0.001 to 10000.
     pub speed_max_deg_per_s: f64,
 }
 
@@ -61,19 +61,19 @@ pub struct FrameConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoilTypeConfig {
-    /// `a_k` of eq. (4) for 1 A, k = 1 first, T m^(k+2) / A; 1 to 10 of them.
+    /// `a_k` of eq. (4) for 1 A, k = 1 first, T m^(k+2) / A; 1 to 10 of them, the first at most 3e-4.
     pub coefficients_si: Vec<f64>,
-    /// Least local x at which the series is valid, mm, > 0.
+    /// Least local x at which the series is valid, mm, 0.1 to 1000.
     pub valid_from_x_mm: f64,
-    /// Greatest magnitude of the current, A, > 0.
+    /// Greatest magnitude of the current, A, 0.001 to 1000.
     pub current_max_a: f64,
-    /// Greatest rate of the commanded current, A/s, > 0.
+    /// Greatest rate of the commanded current, A/s, up to 1e6; the greatest current takes 10 s at most.
     pub slew_max_a_per_s: f64,
-    /// Resistance, ohm, > 0.
+    /// Resistance, ohm, 0.001 to 1000.
     pub resistance_ohm: f64,
-    /// Inductance, H, > 0.
+    /// Inductance, H, 1e-7 to 10.
     pub inductance_h: f64,
-    /// Supply voltage of the amplifier, V, > 0.
+    /// Supply voltage of the amplifier, V, 0.1 to 5000.
     pub supply_v: f64,
 }
 
@@ -90,7 +90,7 @@ pub struct CoilConfig {
     pub azimuth_deg: Option<f64>,
     /// Rotation about y, applied first, deg, -90 to 90.
     pub elevation_deg: Option<f64>,
-    /// Expansion point to the workspace centre, mm, > 0.
+    /// Expansion point to the workspace centre, mm, 1 to 10000.
     pub distance_mm: Option<f64>,
     /// Expansion point at frame angle zero, mm, world.
     pub position_mm: Option<[f64; 3]>,
@@ -98,7 +98,7 @@ pub struct CoilConfig {
     pub axis: Option<[f64; 3]>,
     /// One of `frames`; absent for a coil fixed to the world.
     pub frame: Option<String>,
-    /// Field per ampere over that of its type, > 0; 1 when absent.
+    /// Field per ampere over that of its type, 0.01 to 100; 1 when absent.
     pub gain: Option<f64>,
 }
 
@@ -173,11 +173,11 @@ pub struct ManipulatorConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialConfig {
-    /// Young's modulus, MPa, > 0.
+    /// Young's modulus, MPa, 0.001 to 1e6.
     pub young_modulus_mpa: f64,
     /// Poisson's ratio, 0 to 0.5.
     pub poisson_ratio: f64,
-    /// Density, kg/m^3, >= 0.
+    /// Density, kg/m^3, 10 to 30000, or 0.
     pub density_kg_per_m3: f64,
 }
 
@@ -199,13 +199,14 @@ pub enum PartConfig {
 pub struct SectionConfig {
     /// One of `manipulator.materials`.
     pub material: String,
-    /// Length, mm, > 0.
+    /// Length, mm, 0.1 to 10000.
     pub length_mm: f64,
-    /// Diameter, mm, > 0.
+    /// Diameter, mm, 0.01 to 1000.
     pub diameter_mm: f64,
     /// True when the section may stretch and shear, false for a Kirchhoff rod.
     pub extensible: bool,
-    /// Curvature about body x and y, and twist, of the unloaded section, 1/m; absent when straight.
+    /// Curvature about body x and y, and twist, of the unloaded section, 1/m, at most 10000; absent when
+    /// straight.
     pub precurvature_per_m: Option<[f64; 3]>,
 }
 
@@ -213,19 +214,19 @@ pub struct SectionConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StiffnessSectionConfig {
-    /// Length, mm, > 0.
+    /// Length, mm, 0.1 to 10000.
     pub length_mm: f64,
-    /// Diameter, mm, > 0.
+    /// Diameter, mm, 0.01 to 1000.
     pub diameter_mm: f64,
-    /// EI, N m^2, > 0.
+    /// EI, N m^2, 1e-14 to 100.
     pub bending_n_m2: f64,
-    /// GJ, N m^2, > 0.
+    /// GJ, N m^2, 1e-14 to 100.
     pub torsion_n_m2: f64,
-    /// GA, N, > 0; given with `axial_n` or not at all (inextensible).
+    /// GA, N, 1e-6 to 1e9; given with `axial_n` or not at all (inextensible).
     pub shear_n: Option<f64>,
-    /// EA, N, > 0.
+    /// EA, N, 1e-6 to 1e9.
     pub axial_n: Option<f64>,
-    /// Mass per length, kg/m, >= 0.
+    /// Mass per length, kg/m, 0 to 10.
     pub mass_kg_per_m: f64,
     /// As in `section`.
     pub precurvature_per_m: Option<[f64; 3]>,
@@ -237,12 +238,12 @@ pub struct StiffnessSectionConfig {
 pub struct MagnetConfig {
     /// Name, as targets refer to it; unique.
     pub name: String,
-    /// Length along the tangent, mm, > 0.
+    /// Length along the tangent, mm, 0.1 to 10000.
     pub length_mm: f64,
-    /// Diameter, mm, > 0.
+    /// Diameter, mm, 0.01 to 1000.
     pub diameter_mm: f64,
-    /// Density, kg/m^3, >= 0.
+    /// Density, kg/m^3, 10 to 30000, or 0.
     pub density_kg_per_m3: f64,
-    /// Dipole moment in body axes, A m^2; body z is the tangent towards the tip.
+    /// Dipole moment in body axes, A m^2, at most 10; body z is the tangent towards the tip.
     pub moment_body_a_m2: [f64; 3],
 }

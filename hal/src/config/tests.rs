@@ -269,7 +269,7 @@ fn mistakes() -> Vec<(Spoil, &'static str)> {
         (|config| config.rig.name.clear(), "rig.name = \"\": must be 1 to 40"),
         (
             |config| config.rig.workspace_diameter_mm = 0.0,
-            "rig.workspace_diameter_mm = 0: must be finite and > 0",
+            "rig.workspace_diameter_mm = 0: must be from 1 to 10000",
         ),
         (|config| config.rig.workspace_center_mm[1] = f64::NAN, "rig.workspace_center_mm = [1.0, NaN, 3.0]"),
         (|config| config.rig.gravity_m_per_s2[0] = f64::INFINITY, "rig.gravity_m_per_s2 = [inf, 0.0, -9.81]"),
@@ -310,7 +310,7 @@ fn mistakes() -> Vec<(Spoil, &'static str)> {
         (|config| coil_type(config).valid_from_x_mm = 0.0, "coil_types.iron.valid_from_x_mm = 0: must be"),
         (
             |config| coil_type(config).current_max_a = -4.0,
-            "coil_types.iron.current_max_a = -4: must be finite and > 0",
+            "coil_types.iron.current_max_a = -4: must be from 0.001 to 1000",
         ),
         (
             |config| coil_type(config).slew_max_a_per_s = f64::NAN,
@@ -321,7 +321,7 @@ fn mistakes() -> Vec<(Spoil, &'static str)> {
         (|config| coil_type(config).supply_v = -48.0, "coil_types.iron.supply_v = -48: must be"),
         (
             |config| config.coils[1].distance_mm = Some(0.0),
-            "coils[1].distance_mm = 0: must be finite and > 0",
+            "coils[1].distance_mm = 0: must be from 1 to 10000",
         ),
         (
             |config| config.coils[1].distance_mm = None,
@@ -344,7 +344,7 @@ fn mistakes() -> Vec<(Spoil, &'static str)> {
             |config| freely(config, [f64::INFINITY, 2.0, 3.0], [0.0, 0.0, 1.0]),
             "coils[1].position_mm = [inf, 2.0, 3.0]",
         ),
-        (|config| config.coils[1].gain = Some(-1.0), "coils[1].gain = -1: must be finite and > 0"),
+        (|config| config.coils[1].gain = Some(-1.0), "coils[1].gain = -1: must be from 0.01 to 100"),
         (
             |config| config.coils[0].azimuth_deg = Some(361.0),
             "coils[0].azimuth_deg = 361: must be from -360 to 360",
@@ -403,7 +403,7 @@ fn mistakes() -> Vec<(Spoil, &'static str)> {
         (|config| magnet(config).name = "m2".to_owned(), "manipulator.parts = name \"m2\" twice"),
         (
             |config| stiffness(config).bending_n_m2 = 0.0,
-            "manipulator.parts[4].stiffness_section.bending_n_m2 = 0: must be finite and > 0",
+            "manipulator.parts[4].stiffness_section.bending_n_m2 = 0: must be from 0.00000000000001 to 100",
         ),
         (
             |config| stiffness(config).axial_n = None,
@@ -411,7 +411,7 @@ fn mistakes() -> Vec<(Spoil, &'static str)> {
         ),
         (
             |config| stiffness(config).shear_n = Some(-1.0),
-            "manipulator.parts[4].stiffness_section.shear_n = -1: must be finite and > 0",
+            "manipulator.parts[4].stiffness_section.shear_n = -1: must be from 0.000001 to 1000000000",
         ),
         (
             |config| config.manipulator.parts.retain(|part| matches!(part, PartConfig::Magnet(_))),
@@ -442,6 +442,37 @@ fn every_mistake_is_refused_by_key_value_and_what_would_be_right() {
         let found = config.build().expect_err(expected);
         let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
         assert!(texts.iter().any(|text| text.starts_with(expected)), "{texts:?}: expected {expected}");
+    }
+}
+
+#[test]
+fn values_in_another_unit_are_refused_with_the_number_that_was_meant() {
+    let slips: [(Spoil, &str); 9] = [
+        (
+            |config| config.rig.workspace_diameter_mm = 0.11,
+            "0.11: must be from 1 to 10000, in mm: 0.11 m would be 110",
+        ),
+        (
+            |config| config.rig.gravity_m_per_s2 = [0.0, 0.0, -9810.0],
+            "at most 100 in length, in m/s^2: 9810 mm/s^2 would be 9.81",
+        ),
+        (|config| coil_type(config).current_max_a = 8000.0, "from 0.001 to 1000, in A: 8000 mA would be 8"),
+        (|config| coil_type(config).slew_max_a_per_s = 0.3, "1000000, in A/s: 0.3 A/ms would be 300"),
+        (|config| coil_type(config).coefficients_si[0] *= 1e3, "at most 0.0003 T m^3/A in front"),
+        (|config| coil_type(config).inductance_h = 100.0, "in H: 100 mH would be 0.1"),
+        (|config| material(config).young_modulus_mpa = 4.8e6, "in MPa: 4800000 Pa would be 4.8"),
+        (
+            |config| magnet(config).density_kg_per_m3 = 7.5,
+            "0, or from 10 to 30000, in kg/m^3: 7.5 g/cm^3 would be 7500",
+        ),
+        (|config| magnet(config).length_mm = 0.005, "in mm: 0.005 m would be 5"),
+    ];
+    for (slip, expected) in slips {
+        let mut config = sound();
+        slip(&mut config);
+        let found = config.build().expect_err(expected);
+        let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
+        assert!(matches!(&texts[..], [text] if text.contains(expected)), "{texts:?}: {expected}");
     }
 }
 

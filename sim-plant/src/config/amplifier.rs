@@ -11,7 +11,7 @@ use crate::actuation::CurrentSensorCharacter;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AmplifierConfig {
-    /// Bandwidth of the closed current loop while the supply suffices, Hz, > 0.
+    /// Bandwidth of the closed current loop while the supply suffices, Hz, 1 to 100000.
     pub bandwidth_hz: f64,
     /// Each current sensor's gain is off by this share, up or down as the seed decides, 0 to 0.1.
     pub current_gain_relative: f64,
@@ -26,7 +26,7 @@ pub struct AmplifierConfig {
 impl AmplifierConfig {
     pub(super) fn check(&self, checks: &mut Checks) {
         let key = |name: &str| format!("plant.amplifier.{name}");
-        checks.positive(key("bandwidth_hz"), self.bandwidth_hz);
+        checks.within(key("bandwidth_hz"), self.bandwidth_hz, 1.0, 1e5);
         checks.within(key("current_gain_relative"), self.current_gain_relative, 0.0, 0.1);
         checks.within(key("current_offset_a"), self.current_offset_a, 0.0, 1.0);
         checks.within(key("current_noise_a"), self.current_noise_a, 0.0, 1.0);

@@ -40,7 +40,7 @@ pub struct PlaneConfig {
 pub struct TubeConfig {
     /// Its axis, mm, world; 2 to 100 points, neighbours apart.
     pub points_mm: Vec<[f64; 3]>,
-    /// Inner radius, mm, > 0.
+    /// Inner radius, mm, 0.1 to 10000.
     pub radius_mm: f64,
     /// How it gives way.
     pub surface: SurfaceConfig,
@@ -71,7 +71,7 @@ impl ContactConfig {
             Self::None => return,
             Self::Plane(plane) => {
                 let key = format!("{key}.plane");
-                checks.finite(format!("{key}.point_mm"), &plane.point_mm);
+                checks.length_within(format!("{key}.point_mm"), &plane.point_mm, 1e4);
                 checks.finite(format!("{key}.normal"), &plane.normal);
                 let length = Vector3::from(plane.normal).norm();
                 let expected = "of a length that is not zero";
@@ -125,7 +125,7 @@ impl TubeConfig {
         let expected = format!("2 to {POINTS_MAX} points");
         checks.require((2..=POINTS_MAX).contains(&count), &points, format!("{count} points"), expected);
         for (index, point) in self.points_mm.iter().enumerate() {
-            checks.finite(format!("{points}[{index}]"), point);
+            checks.length_within(format!("{points}[{index}]"), point, 1e4);
         }
         for (index, pair) in self.points_mm.windows(2).enumerate() {
             let apart = pair[0] != pair[1];
@@ -136,7 +136,7 @@ impl TubeConfig {
                 "another point than the last",
             );
         }
-        checks.positive(format!("{key}.radius_mm"), self.radius_mm);
+        checks.within(format!("{key}.radius_mm"), self.radius_mm, 0.1, 1e4);
         self.surface.check(&format!("{key}.surface"), checks);
     }
 }

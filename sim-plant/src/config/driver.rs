@@ -76,6 +76,9 @@ impl DriverConfig {
         above("temperature_max_celsius", self.temperature_max_celsius, release, "the temperature of release");
         let ambient = watched.winding.ambient_celsius;
         above("temperature_release_celsius", release, ambient, "the surroundings");
+        checks.within("plant.driver.follow_error_max_a", self.follow_error_max_a, 0.0, 1e3);
+        checks.within("plant.driver.idle_current_max_a", self.idle_current_max_a, 0.0, 1e3);
+        checks.within("plant.driver.frame_error_max_deg", self.frame_error_max_deg, 0.0, 1e4);
         checks.within("plant.driver.follow_error_time_ms", self.follow_error_time_ms, 1.0, 1e4);
         checks.within("plant.driver.frame_error_time_ms", self.frame_error_time_ms, 1.0, 1e4);
         checks.within("plant.driver.temperature_max_celsius", self.temperature_max_celsius, -20.0, 500.0);

@@ -8,6 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::field::{CoilTruth, Saturation, Winding};
 
+/// No coil is wider, mm.
+const RADIUS_MAX_MM: f64 = 5e3;
+
 /// One of `[plant.field.TYPE]`, TYPE as in `[coil_types]`: what the coils of that type are in truth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -24,13 +27,13 @@ pub enum CoilTruthConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WindingShapeConfig {
-    /// Inner radius, mm, > 0.
+    /// Inner radius, mm, 0.1 to 5000.
     pub inner_radius_mm: f64,
-    /// Outer radius, mm, above the inner one.
+    /// Outer radius, mm, above the inner one, up to 5000.
     pub outer_radius_mm: f64,
-    /// Length along the axis, mm, > 0.
+    /// Length along the axis, mm, 0.1 to 5000.
     pub length_mm: f64,
-    /// Turns in all, > 0.
+    /// Turns in all, 1 to 1e6.
     pub turns: f64,
 }
 
@@ -38,7 +41,7 @@ pub struct WindingShapeConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CoreConfig {
-    /// The current at the knee, A, > 0: 16 % of the field are lost there, 1e-3 at a quarter of it.
+    /// The current at the knee, A, 0.01 to 10000: 16 % of the field are lost there, 1e-3 at a quarter of it.
     pub saturation_knee_a: f64,
 }
 
@@ -72,7 +75,7 @@ impl CoilTruthConfig {
         match self {
             Self::Multipole => {}
             Self::Core(core) => {
-                checks.positive(format!("{key}.core.saturation_knee_a"), core.saturation_knee_a);
+                checks.within(format!("{key}.core.saturation_knee_a"), core.saturation_knee_a, 1e-2, 1e4);
             }
             Self::Winding(winding) => winding.check(&format!("{key}.winding"), checks),
         }
@@ -95,11 +98,12 @@ impl CoilTruthConfig {
 
 impl WindingShapeConfig {
     fn check(&self, key: &str, checks: &mut Checks) {
-        checks.positive(format!("{key}.inner_radius_mm"), self.inner_radius_mm);
+        checks.within(format!("{key}.inner_radius_mm"), self.inner_radius_mm, 0.1, RADIUS_MAX_MM);
         let outer = self.outer_radius_mm;
-        let holds = outer.is_finite() && outer > self.inner_radius_mm;
-        checks.require(holds, format!("{key}.outer_radius_mm"), outer, "finite and > inner_radius_mm");
-        checks.positive(format!("{key}.length_mm"), self.length_mm);
-        checks.positive(format!("{key}.turns"), self.turns);
+        let holds = outer > self.inner_radius_mm && outer <= RADIUS_MAX_MM;
+        let expected = format!("above inner_radius_mm and at most {RADIUS_MAX_MM}");
+        checks.require(holds, format!("{key}.outer_radius_mm"), outer, expected);
+        checks.within(format!("{key}.length_mm"), self.length_mm, 0.1, 5e3);
+        checks.within(format!("{key}.turns"), self.turns, 1.0, 1e6);
     }
 }

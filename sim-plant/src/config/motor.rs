@@ -12,7 +12,7 @@ use crate::actuation::MotorCharacter;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MotorConfig {
-    /// Greatest acceleration of a frame, deg/s^2, > 0. The greatest speed is the description's.
+    /// Greatest acceleration of a frame, deg/s^2, 0.1 to 1e6. The greatest speed is the description's.
     pub acceleration_max_deg_per_s2: f64,
     /// Play between motor and frame, from end to end, deg, 0 to 10.
     pub backlash_deg: f64,
@@ -24,7 +24,8 @@ pub struct MotorConfig {
 
 impl MotorConfig {
     pub(super) fn check(&self, description: &HardwareDescription, checks: &mut Checks) {
-        checks.positive("plant.motor.acceleration_max_deg_per_s2", self.acceleration_max_deg_per_s2);
+        let acceleration = self.acceleration_max_deg_per_s2;
+        checks.within("plant.motor.acceleration_max_deg_per_s2", acceleration, 0.1, 1e6);
         checks.within("plant.motor.backlash_deg", self.backlash_deg, 0.0, 10.0);
         checks.within("plant.motor.encoder_step_deg", self.encoder_step_deg, 0.0, 10.0);
         for (name, angle_deg) in self.start_deg.iter().flatten() {

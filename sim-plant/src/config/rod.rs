@@ -11,7 +11,7 @@ use crate::rod::{Meshing, RodSettings};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RodConfig {
-    /// Sections are cut into equal elements no longer than this, mm, > 0; at most 1000 in all.
+    /// Sections are cut into equal elements no longer than this, mm, 0.001 to 1000; at most 1000 in all.
     pub element_length_max_mm: f64,
     /// Damping ratio of the first mode about rest, 0 to 2. Kelvin-Voigt: that of a faster mode is greater
     /// in proportion to its frequency.
@@ -25,7 +25,7 @@ pub struct RodConfig {
 impl RodConfig {
     pub(super) fn check(&self, description: &HardwareDescription, checks: &mut Checks) {
         let key = "plant.rod.element_length_max_mm";
-        checks.positive(key, self.element_length_max_mm);
+        checks.within(key, self.element_length_max_mm, 1e-3, 1e3);
         let elements = self.meshing().element_count(&description.manipulator);
         let expected = "long enough for at most 1000 elements in all";
         let few = self.element_length_max_mm > 0.0 && elements <= 1000;

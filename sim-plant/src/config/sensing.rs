@@ -51,7 +51,7 @@ pub struct PointCloudConfig {
     pub latency_ms: f64,
     /// Share of exposures that are lost, 0 to 1.
     pub dropout_probability: f64,
-    /// Positions of the cameras, mm, world, at least two; a point must face all of them.
+    /// Positions of the cameras, mm, world, at least two, within 10 m; a point must face all of them.
     pub viewers_mm: Vec<[f64; 3]>,
     /// Points an exposure, outliers included, 100 to 4096.
     pub points: u64,
@@ -214,7 +214,9 @@ impl PointCloudConfig {
             format!("{viewers} cameras"),
             "2 to 8 cameras",
         );
-        checks.finite(format!("{key}.viewers_mm"), self.viewers_mm.as_flattened());
+        for (index, viewer) in self.viewers_mm.iter().enumerate() {
+            checks.length_within(format!("{key}.viewers_mm[{index}]"), viewer, 1e4);
+        }
         whole(checks, &format!("{key}.points"), self.points, 100, CAPACITY as u64);
         checks.within(format!("{key}.noise_across_mm"), self.noise_across_mm, 1e-3, 10.0);
         checks.within(format!("{key}.noise_depth_mm"), self.noise_depth_mm, 1e-3, 10.0);

@@ -4,8 +4,8 @@ use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use magsteer::daemon::target::angle_from_z_deg;
-use magsteer_hal::Stamp;
 use magsteer_hal::operator::StatusMessage;
+use magsteer_hal::{HardwareDescription, Stamp};
 
 use crate::cli::output;
 
@@ -35,6 +35,13 @@ impl LiveLine {
         }
     }
 
+    /// Tells something worth a line of its own where none is drawn over.
+    pub fn milestone(&self, text: impl FnOnce() -> String) {
+        if !self.is_terminal {
+            output::note(text());
+        }
+    }
+
     pub fn end(&mut self) {
         if self.is_terminal {
             // As above.
@@ -52,25 +59,29 @@ fn terminal_width() -> usize {
 }
 
 /// The live line's text; what matters most stands first.
+///
+/// `step 1/8  1.2 s  m1 89.7 of 90.0 deg  3.2 A in iron-top-left  1000 Hz  late 33 us, at most 643 us`
 pub(super) fn live(
-    label: &str,
-    begin: Stamp,
+    (label, begin): (&str, Stamp),
+    rig: &HardwareDescription,
     target: &[[f64; 3]],
     status: &StatusMessage,
     lateness_max_us: f64,
 ) -> String {
-    let degrees = |directions: &[[f64; 3]]| -> String {
-        let shown = |direction| format!("{:6.1}", angle_from_z_deg(direction).unwrap_or(f64::NAN));
-        directions.iter().map(shown).collect()
-    };
-    let coils = (status.coil_count as usize).min(status.measured.current_a.len());
-    let currents: String =
-        status.measured.current_a[..coils].iter().map(|current| format!("{current:5.1}")).collect();
+    let degrees = |direction: &[f64; 3]| angle_from_z_deg(direction).unwrap_or(f64::NAN);
+    let magnets = rig.magnets().zip(&status.measured_direction).zip(target);
+    let magnets = magnets.map(|((magnet, measured), target)| {
+        format!("{} {:5.1} of {:5.1} deg", magnet.name, degrees(measured), degrees(target))
+    });
+    let magnets: Vec<String> = magnets.collect();
+    let currents = rig.coils.iter().zip(&status.measured.current_a);
+    let greatest = currents.max_by(|one, other| one.1.abs().total_cmp(&other.1.abs()));
+    let greatest =
+        greatest.map_or_else(String::new, |(coil, current)| format!("  {current:4.1} A in {}", coil.name));
     format!(
-        "{label} {:4.1} s  target{}  measured{} deg  {:.0} Hz  late {:.0}, at most {lateness_max_us:.0} us  currents{currents} A",
+        "{label} {:4.1} s  {}{greatest}  {:.0} Hz  late {:.0} us, at most {lateness_max_us:.0} us",
         Stamp::now().since(begin).as_secs_f64(),
-        degrees(target),
-        degrees(&status.measured_direction[..target.len()]),
+        magnets.join(", "),
         status.rate_measured_hz,
         status.lateness_us,
     )

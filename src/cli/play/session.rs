@@ -75,7 +75,7 @@ impl Session {
             let (target, magnets) = (asked.directions, rig.magnets().count());
             self.send(target_request(&asked, rig), "target")?;
             let label = format!("step {}/{}", index + 1, experiment.steps.len());
-            let Some(response) = self.play_step(&label, &target[..magnets], step, stop)? else {
+            let Some(response) = self.play_step(&label, (rig, &target[..magnets]), step, stop)? else {
                 break;
             };
             steps.push(response);
@@ -88,7 +88,7 @@ impl Session {
     fn play_step(
         &mut self,
         label: &str,
-        target: &[[f64; 3]],
+        (rig, target): (&HardwareDescription, &[[f64; 3]]),
         step: &ExperimentStep,
         stop: &StopFlag,
     ) -> anyhow::Result<Option<StepResponse>> {
@@ -127,7 +127,7 @@ impl Session {
             if Stamp::now().since(status.header.source_stamp()) > SILENCE_MAX {
                 return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
             }
-            line.draw(|| live(label, begin, target, &status, watched.lateness_max_us), REDRAW);
+            line.draw(|| live((label, begin), rig, target, &status, watched.lateness_max_us), REDRAW);
         }
         let Some(end) = watched.newest else {
             let why = anyhow!(
@@ -135,7 +135,7 @@ impl Session {
             );
             return Err(Failure::with(Exit::Unavailable, why));
         };
-        line.draw(|| live(label, begin, target, &end, watched.lateness_max_us), Duration::ZERO);
+        line.draw(|| live((label, begin), rig, target, &end, watched.lateness_max_us), Duration::ZERO);
         line.end();
         Ok(Some(watched.judge.verdict()))
     }

@@ -12,6 +12,7 @@ use magsteer_hal::channels::Endpoint;
 
 use super::course::{self, Course, Plan};
 use super::load::Load;
+use super::measures::clock;
 use super::process::DaemonProcess;
 use super::provenance::Provenance;
 use super::report::{LINES, Report};
@@ -109,6 +110,7 @@ impl Soak {
         let folder = self.out.clone().unwrap_or_else(|| PathBuf::from("runs").join(dated("soak")));
         std::fs::create_dir_all(&folder).map_err(|error| cannot_create(&folder, &error))?;
         let subject = Subject { document, config, experiment, folder };
+        output::note(self.begin(&subject));
         let stop = Arc::new(StopFlag::new());
         let (course, reports) = watching(
             &stop,
@@ -133,6 +135,18 @@ impl Soak {
             Exit::Success => Exit::No,
             signalled => signalled,
         })
+    }
+
+    /// What is about to happen, for who waits for it.
+    fn begin(&self, subject: &Subject) -> String {
+        let plan = self.plan(&subject.folder);
+        let broken_by = self.fail_on.as_ref().map_or_else(String::new, |limits| format!("{limits}, "));
+        format!(
+            "soaking {} for {} (h:mm:ss), into {}\nends early by: {broken_by}the end of steering, Ctrl-C",
+            subject.config.description.rig,
+            clock(plan.duration.as_secs_f64()),
+            subject.folder.display(),
+        )
     }
 
     /// Soaks a plant and a daemon that live as long as the soak.

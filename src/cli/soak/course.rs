@@ -89,6 +89,7 @@ pub fn run(
             let measures = watch.minute(steering, minutes.len() as u64 + 1);
             lines.write(&measures)?;
             judged = plan.thresholds.judge(&measures);
+            line.milestone(|| measures.line());
             minutes.push(measures);
             if judged.iter().any(|threshold| !threshold.held) {
                 break None;

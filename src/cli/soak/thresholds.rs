@@ -93,6 +93,15 @@ impl Thresholds {
     }
 }
 
+impl Display for Thresholds {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        for (index, threshold) in self.0.iter().enumerate() {
+            write!(formatter, "{}{threshold}", if index > 0 { ", " } else { "" })?;
+        }
+        Ok(())
+    }
+}
+
 impl FromStr for Thresholds {
     type Err = ThresholdError;
 

@@ -123,16 +123,17 @@ pub(super) fn play_and_tell(
         return Ok(exit_of(&stop));
     }
     if json {
-        output::json(&PlayAnswer {
+        output::told(output::json(&PlayAnswer {
             all_settled: played.all_settled(),
             steps: &played.steps,
             timing: played.timing.as_ref(),
             files: [],
             judged_by_truth: played.judged_by_truth,
-        })?;
+        }))?;
     } else {
         let timing = played.timing.as_ref().map_or(String::new(), timing_line);
-        output::result(format_args!("\n{}\n{timing}", table(&played)))?;
+        let text = format_args!("\n{}\n{timing}", table(&played));
+        output::told(output::result(text).map_err(Into::into))?;
     }
     Ok(if played.all_settled() { Exit::Success } else { Exit::No })
 }

@@ -39,6 +39,15 @@ pub const HELP: [(&str, &str); 9] = [
     ("q, Ctrl-C", "leave; the rig goes on as it is"),
 ];
 
+/// What the pictures show, for the help.
+pub const SIGNS: [(&str, &str); 5] = [
+    ("curves", "measured in the magnet's colour, target dark, reference light,"),
+    ("", "predicted by the model blue; 69.8/70.0: measured and target, deg"),
+    ("rod", "circle: workspace, diameter below; dark strokes: targets"),
+    ("[ \u{2588}\u{2588}| ]", "measured current and | command, limits at the ends; ! at the limit"),
+    ("frames", "measured of commanded, then the range, deg"),
+];
+
 /// What the user does to the screen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ui {

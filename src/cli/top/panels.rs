@@ -14,6 +14,9 @@ use super::screen::{Screen, block, level_style};
 const COLUMN_MAX: usize = 8;
 /// Widest name of a coil that is shown in full.
 const NAME_WIDTH: usize = 19;
+/// Width of a name that goes before that of the bar, and of the bar that goes before that.
+const NAME_WIDTH_NARROW: usize = 11;
+const BAR_MIN: usize = 7;
 
 /// Rows that the bars of a rig take.
 pub fn actuation_rows(rig: &Rig) -> u16 {
@@ -41,16 +44,29 @@ pub fn actuation(screen: &Screen<'_>, frame: &mut Frame<'_>, area: Rect) {
         let pairs = screen.rig.coils.iter().zip(&screen.figures.coils).enumerate();
         let lines = pairs.skip(column * rows).take(rows);
         let width = usize::from(area.width);
-        let lines = lines.map(|(index, (name, coil))| coil_line(&format!("{index} {name}"), coil, width));
+        let lines = lines.map(|(index, (name, coil))| coil_line(index, name, coil, width));
         frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), *area);
     }
-    let lines: Vec<Line<'_>> = frame_lines(screen).collect();
+    let lines: Vec<Line<'_>> = frame_lines(screen, usize::from(frames.width)).collect();
     frame.render_widget(Paragraph::new(lines), frames);
 }
 
-fn frame_lines<'a>(screen: &'a Screen<'_>) -> impl Iterator<Item = Line<'a>> {
+/// Columns that a frame takes in full.
+const FRAME_WIDTH: usize = 48;
+
+/// `frame bottom   45.00 of 45.00 deg  -180 to 180`: measured, commanded, range; the same shorter where there
+/// is less room.
+fn frame_lines<'a>(screen: &'a Screen<'_>, width: usize) -> impl Iterator<Item = Line<'a>> {
     let frames = screen.rig.frames.iter().zip(&screen.figures.frames).zip(&screen.rig.angle_range_deg);
-    frames.map(|((name, frame), [least, greatest])| {
+    frames.map(move |((name, frame), [least, greatest])| {
+        if width < FRAME_WIDTH {
+            return Line::from(vec![
+                format!("{:<8}", short_name(name, 8)).into(),
+                format!("{:>6.1}", frame.measured_deg).bold(),
+                format!(" of {:.1}\u{b0}", frame.commanded_deg).into(),
+                format!(" in {least:.0}..{greatest:.0}").dim(),
+            ]);
+        }
         Line::from(vec![
             format!("frame {name:<9}").into(),
             format!("{:>7.2}", frame.measured_deg).bold(),
@@ -62,10 +78,11 @@ fn frame_lines<'a>(screen: &'a Screen<'_>) -> impl Iterator<Item = Line<'a>> {
 
 /// `0 iron-bottom-right -3.21 A [    ███|      ]`: zero in the middle, limits at the ends, a stroke for the
 /// command.
-fn coil_line(name: &str, coil: &CoilFigures, width: usize) -> Line<'static> {
+fn coil_line(index: usize, name: &str, coil: &CoilFigures, width: usize) -> Line<'static> {
     let room = width.saturating_sub(12);
-    let name_width = NAME_WIDTH.min(room / 2);
-    let short: String = name.chars().take(name_width).collect();
+    let name_width = NAME_WIDTH.min((room / 2).max(NAME_WIDTH_NARROW.min(room.saturating_sub(BAR_MIN))));
+    let number = format!("{index} ");
+    let short = format!("{number}{}", short_name(name, name_width.saturating_sub(number.len())));
     let bar_width = room.saturating_sub(name_width);
     let mut spans = vec![
         Span::from(format!("{short:<name_width$}")),
@@ -76,6 +93,23 @@ fn coil_line(name: &str, coil: &CoilFigures, width: usize) -> Line<'static> {
         spans.push(Span::from(" !").red().bold());
     }
     Line::from(spans)
+}
+
+/// A name in at most so many letters: its longest words lose their ends, so that names which differ in one
+/// word still do. Numbers lose nothing while words have something to lose.
+pub fn short_name(name: &str, width: usize) -> String {
+    let mut words: Vec<Vec<char>> = name.split('-').map(|word| word.chars().collect()).collect();
+    let hyphens = words.len() - 1;
+    while words.iter().map(Vec::len).sum::<usize>() + hyphens > width {
+        // Of words as long as each other the first.
+        let is_word = |word: &[char]| word.len() > 1 && !word.iter().all(char::is_ascii_digit);
+        let longest = words.iter_mut().rev().max_by_key(|word| (is_word(word.as_slice()), word.len()));
+        if longest.and_then(Vec::pop).is_none() {
+            break;
+        }
+    }
+    let words: Vec<String> = words.into_iter().map(String::from_iter).collect();
+    words.join("-").chars().take(width).collect()
 }
 
 fn bar(coil: &CoilFigures, width: usize) -> Vec<Span<'static>> {
@@ -110,10 +144,8 @@ fn bar(coil: &CoilFigures, width: usize) -> Vec<Span<'static>> {
 /// Quantiles of the last minute, or of the time since the start while there is none.
 pub fn timing(screen: &Screen<'_>, frame: &mut Frame<'_>, area: Rect) {
     let figures = screen.figures;
-    let (timing, span) = figures
-        .last_minute
-        .as_ref()
-        .map_or((&figures.timing, "since the start"), |minute| (minute, "last minute"));
+    let (timing, span) =
+        figures.last_minute.as_ref().map_or((&figures.timing, "so far"), |minute| (minute, "last minute"));
     let row = |name: &str, latency: &LatencySummary| {
         Line::from(format!(
             "{name:<12}{:>6.0}{:>6.0}{:>6.0}{:>8.0}",
@@ -169,5 +201,5 @@ pub fn text<'a>(screen: &'a Screen<'_>) -> Vec<Line<'a>> {
         Line::from(format!("{name}: {:.2} of {:.1} A{limit}", coil.measured_a, coil.limit_a))
     });
     let lateness = Line::from(format!("late p99.9 {:.0} us", screen.figures.timing.lateness_us.p999));
-    magnets.chain([lateness]).chain(coils).chain(frame_lines(screen)).collect()
+    magnets.chain([lateness]).chain(coils).chain(frame_lines(screen, 0)).collect()
 }

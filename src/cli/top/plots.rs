@@ -32,6 +32,10 @@ pub const COLOURS: [Color; 8] = [
     Color::LightGreen,
     Color::White,
 ];
+/// Colours of the other curves.
+const TARGET: Color = Color::DarkGray;
+const REFERENCE: Color = Color::Gray;
+const PREDICTED: Color = Color::Blue;
 /// Least span of the angles shown, deg.
 const SPAN_MIN_DEG: f64 = 10.0;
 
@@ -83,16 +87,16 @@ pub fn draw(screen: &Screen<'_>, plots: &[Plot], frame: &mut Frame<'_>, area: Re
             Dataset::default().data(points).marker(marker).style(Style::new().fg(colour))
         };
         [
-            line(target.as_slice(), Marker::Braille, Color::DarkGray).graph_type(GraphType::Line),
-            line(desired, Marker::Braille, Color::Gray).graph_type(GraphType::Line),
-            line(predicted, Marker::Braille, Color::Blue).graph_type(GraphType::Scatter),
+            line(target.as_slice(), Marker::Braille, TARGET).graph_type(GraphType::Line),
+            line(desired, Marker::Braille, REFERENCE).graph_type(GraphType::Line),
+            line(predicted, Marker::Braille, PREDICTED).graph_type(GraphType::Scatter),
             line(measured, Marker::Braille, colour).graph_type(GraphType::Line),
         ]
     });
     let reach = screen.ui.reach_s;
     let labels = [low, 0.5 * (low + high), high].map(|angle| Span::from(format!("{angle:.0}")));
     let chart = Chart::new(datasets.collect())
-        .block(block(title(screen, plots)))
+        .block(block(title(screen, plots, area.width)).title_bottom(legend(plots)))
         .legend_position(None)
         .x_axis(
             Axis::default()
@@ -105,20 +109,44 @@ pub fn draw(screen: &Screen<'_>, plots: &[Plot], frame: &mut Frame<'_>, area: Re
     frame.render_widget(chart, area);
 }
 
-/// `m1 70.0 -> 69.8 deg`: target and measured.
-fn title(screen: &Screen<'_>, plots: &[Plot]) -> Line<'static> {
+/// The curves, each in its own colour; what is measured has the magnet's.
+fn legend(plots: &[Plot]) -> Line<'static> {
+    let measured = match plots {
+        [plot] => COLOURS[plot.magnet % COLOURS.len()],
+        _ => Color::White,
+    };
+    Line::from(vec![
+        Span::from(" measured").fg(measured),
+        Span::from(" target").fg(TARGET),
+        Span::from(" reference").fg(REFERENCE),
+        Span::from(" predicted ").fg(PREDICTED),
+    ])
+}
+
+/// `m1 69.8 of 70.0 deg`: measured and target; `m1 69.8/70.0` where that is too long for a border of `width`,
+/// and the measured angle alone where that is too.
+fn title(screen: &Screen<'_>, plots: &[Plot], width: u16) -> Line<'static> {
     let angle =
         |angles: &[f64], at: usize| angles.get(at).map_or("-".to_owned(), |angle| format!("{angle:.1}"));
-    let mut spans = Vec::new();
-    for plot in plots {
-        let Some(magnet) = screen.figures.magnets.get(plot.magnet) else { continue };
-        let at = plot.index % screen.rig.angles.count();
-        let colour = COLOURS[plot.magnet % COLOURS.len()];
-        spans.push(Span::from(format!(" {} ", plot.name)).fg(colour).bold());
-        let (measured, target) = (angle(&magnet.measured_deg, at), angle(&magnet.target_deg, at));
-        spans.push(Span::from(format!("{measured} of {target} deg ")));
+    let line = |words: &dyn Fn(&str, &str) -> String| {
+        let mut spans = Vec::new();
+        for plot in plots {
+            let Some(magnet) = screen.figures.magnets.get(plot.magnet) else { continue };
+            let at = plot.index % screen.rig.angles.count();
+            let colour = COLOURS[plot.magnet % COLOURS.len()];
+            spans.push(Span::from(format!(" {} ", plot.name)).fg(colour).bold());
+            spans.push(words(&angle(&magnet.measured_deg, at), &angle(&magnet.target_deg, at)).into());
+        }
+        Line::from(spans)
+    };
+    // The corners take two columns.
+    let fits = |line: &Line<'_>| line.width() + 2 <= usize::from(width);
+    let full = line(&|measured, target| format!("{measured} of {target} deg "));
+    if fits(&full) {
+        return full;
     }
-    Line::from(spans)
+    let short = line(&|measured, target| format!("{measured}/{target} "));
+    if fits(&short) { short } else { line(&|measured, _| format!("{measured} ")) }
 }
 
 /// A little more than what is plotted.

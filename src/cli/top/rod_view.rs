@@ -55,7 +55,7 @@ pub fn draw(screen: &Screen<'_>, view: &View, frame: &mut Frame<'_>, area: Rect)
     };
     let title = Line::from(vec![format!(" {} ", view.name).bold(), note]);
     let canvas = Canvas::default()
-        .block(block(title))
+        .block(block(title).title_bottom(format!(" circle {:.0} mm ", 2.0 * rig.workspace_radius_mm)))
         .marker(Marker::Braille)
         .x_bounds(bounds(center[0], dots_x))
         .y_bounds(bounds(center[1], dots_y))

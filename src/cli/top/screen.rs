@@ -8,7 +8,7 @@ use ratatui::style::{Color, Modifier, Style, Stylize};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, BorderType, Clear, Paragraph, Wrap};
 
-use super::keys::{HELP, Popup, Ui};
+use super::keys::{HELP, Popup, SIGNS, Ui};
 use super::{panels, plots, rod_view};
 
 /// Below this there is room for lines of text alone.
@@ -186,9 +186,12 @@ pub fn block<'a>(title: impl Into<Line<'a>>) -> Block<'a> {
 }
 
 fn help(frame: &mut Frame<'_>, area: Rect) {
-    let lines = HELP.iter().map(|(key, what)| Line::from(vec![format!(" {key:<10}").bold(), (*what).into()]));
-    let lines: Vec<Line<'_>> = lines.collect();
-    popup(frame, area, " keys ", Color::Cyan, lines);
+    let line = |(key, what): &(&'static str, &'static str)| {
+        Line::from(vec![format!(" {key:<10}").bold(), (*what).into()])
+    };
+    let (keys, signs) = (HELP.iter().map(line), SIGNS.iter().map(line));
+    let lines: Vec<Line<'_>> = keys.chain([Line::from("")]).chain(signs).collect();
+    popup(frame, area, " keys and signs ", Color::Cyan, lines);
 }
 
 fn confirm(frame: &mut Frame<'_>, area: Rect) {
@@ -205,7 +208,7 @@ fn popup(frame: &mut Frame<'_>, area: Rect, title: &str, colour: Color, lines: V
     let [middle] = Layout::vertical([Constraint::Length(height.min(area.height))])
         .flex(ratatui::layout::Flex::Center)
         .areas(area);
-    let [place] = Layout::horizontal([Constraint::Length(area.width.min(70))])
+    let [place] = Layout::horizontal([Constraint::Length(area.width.min(80))])
         .flex(ratatui::layout::Flex::Center)
         .areas(middle);
     frame.render_widget(Clear, place);

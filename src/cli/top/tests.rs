@@ -7,7 +7,8 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-use super::keys::{Action, Popup, Ui};
+use super::keys::{Action, HELP, Popup, SIGNS, Ui};
+use super::panels::short_name;
 use super::screen::Screen;
 
 fn spatial() -> Config {
@@ -104,13 +105,17 @@ fn smallest_ordinary_terminal_shows_everything_that_was_promised() {
         "margin 0.73",
         "attached",
         "m1",
-        "70.4 of 70.0 deg",
-        "m2",
+        "m1 70.4/70.0",
+        "m2 110.0/110.0",
+        "measured target reference predicted",
+        "circle 110 mm",
         "x-z",
         "x-y",
-        "0 iron-bottom",
+        "0 iro-bot-rig",
+        "1 iro-bot-lef",
+        "2 iro-top-rig",
         "-7.90 A",
-        "frame bottom",
+        "0.0 of 0.0\u{b0} in -180..180",
         "lateness",
         "09:14:19",
         "armed -> active",
@@ -165,7 +170,7 @@ fn directions_of_two_angles_stand_side_by_side_and_fourteen_coils_in_two_columns
     let text = terminal.backend().to_string();
     let has = |words: [&str; 2]| text.lines().any(|line| words.iter().all(|word| line.contains(word)));
     assert!(has(["m1 from z", "m1 azimuth"]) && has(["m2 from z", "m2 azimuth"]), "{text}");
-    assert!(has(["0 iron", "7 iron"]) && has(["6 iron", "13 iro"]), "{text}");
+    assert!(has(["0 ir-bo-ri", "7 i-bo-135"]) && has(["6 i-bo-045", "13 i-t-315"]), "{text}");
 }
 
 #[test]
@@ -177,6 +182,32 @@ fn a_silent_daemon_and_an_absent_one_are_told_in_words() {
     scene.history = History::new();
     let text = scene.draw(&Ui::default(), 80, 24).join("\n");
     assert!(text.contains("no daemon serves this rig: waiting for one"), "{text}");
+}
+
+#[test]
+fn a_name_loses_letters_where_it_has_most_and_is_never_longer_than_its_room() {
+    for (name, width, short) in [
+        ("iron-bottom-right", 17, "iron-bottom-right"),
+        ("iron-bottom-right", 11, "iro-bot-rig"),
+        ("iron-bottom-left", 11, "iro-bot-lef"),
+        ("iron-top-right", 11, "iro-top-rig"),
+        ("iron-bottom-315", 7, "i-b-315"),
+        ("coil", 3, "coi"),
+        ("a-b-c", 2, ""),
+    ] {
+        let found = short_name(name, width);
+        assert!(found.chars().count() <= width, "{found}");
+        assert!(width < 3 || found == short, "{name} in {width}: {found}");
+    }
+}
+
+#[test]
+fn help_tells_what_curves_and_bars_mean_in_the_smallest_terminal() {
+    let ui = Ui { popup: Popup::Help, ..Ui::default() };
+    let lines = Scene::steering(Link::Attached).draw(&ui, 80, 24);
+    for (_, what) in HELP.iter().chain(&SIGNS) {
+        assert!(lines.iter().any(|line| line.contains(what)), "{what}\n{}", lines.join("\n"));
+    }
 }
 
 fn press(ui: &mut Ui, letter: char) -> Action {
