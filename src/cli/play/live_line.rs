@@ -35,6 +35,15 @@ impl LiveLine {
         }
     }
 
+    /// Leaves nothing behind: what the line told of came to nothing.
+    pub fn erase(&mut self) {
+        if self.is_terminal && self.drawn.is_some() {
+            // As above.
+            let _ = write!(std::io::stderr(), "\r\x1b[2K");
+        }
+        (self.drawn, self.text) = (None, String::new());
+    }
+
     pub fn end(&mut self) {
         if self.is_terminal {
             // As above.
@@ -51,26 +60,32 @@ fn terminal_width() -> usize {
     size.ok().map(|size| usize::from(size.ws_col)).filter(|columns| *columns > 0).unwrap_or(80)
 }
 
+/// What a step is to reach.
+pub(super) struct Goal<'a> {
+    /// Which step.
+    pub label: &'a str,
+    /// Names of the magnets, base to tip.
+    pub magnets: &'a [String],
+    /// Where each shall point, a unit vector, world.
+    pub target: &'a [[f64; 3]],
+}
+
 /// The live line's text; what matters most stands first.
-pub(super) fn live(
-    label: &str,
-    begin: Stamp,
-    target: &[[f64; 3]],
-    status: &StatusMessage,
-    lateness_max_us: f64,
-) -> String {
-    let degrees = |directions: &[[f64; 3]]| -> String {
-        let shown = |direction| format!("{:6.1}", angle_from_z_deg(direction).unwrap_or(f64::NAN));
-        directions.iter().map(shown).collect()
-    };
+pub(super) fn live(goal: &Goal<'_>, begin: Stamp, status: &StatusMessage, lateness_max_us: f64) -> String {
+    let degrees = |direction| angle_from_z_deg(direction).unwrap_or(f64::NAN);
+    let magnets = goal.magnets.iter().zip(goal.target).zip(&status.measured_direction);
+    let angles: String = magnets
+        .map(|((name, target), measured)| {
+            format!("  {name} {:5.1} of {:.1} deg", degrees(measured), degrees(target))
+        })
+        .collect();
     let coils = (status.coil_count as usize).min(status.measured.current_a.len());
     let currents: String =
         status.measured.current_a[..coils].iter().map(|current| format!("{current:5.1}")).collect();
     format!(
-        "{label} {:4.1} s  target{}  measured{} deg  {:.0} Hz  late {:.0}, at most {lateness_max_us:.0} us  currents{currents} A",
+        "{} {:4.1} s{angles} measured  {:.0} Hz  late {:.0}, at most {lateness_max_us:.0} us  currents{currents} A",
+        goal.label,
         Stamp::now().since(begin).as_secs_f64(),
-        degrees(target),
-        degrees(&status.measured_direction[..target.len()]),
         status.rate_measured_hz,
         status.lateness_us,
     )

@@ -11,7 +11,7 @@ use magsteer_hal::Stamp;
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
 use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verdict};
 
-use super::live_line::{LiveLine, live};
+use super::live_line::{Goal, LiveLine, live};
 use super::watched::Watched;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::operator::{ANSWER_WAIT, target_request};
@@ -25,6 +25,8 @@ const REDRAW: Duration = Duration::from_millis(100);
 
 /// An experiment as it was played.
 pub struct Played {
+    /// Names of the magnets, base to tip.
+    pub magnets: Vec<String>,
     /// Every step, in order.
     pub steps: Vec<StepResponse>,
     /// True when steps were judged by the plant's true poses, false when by measured ones.
@@ -69,33 +71,34 @@ impl Session {
         rig: &HardwareDescription,
         stop: &StopFlag,
     ) -> anyhow::Result<Played> {
+        let magnets: Vec<String> = rig.magnets().map(|magnet| magnet.name.clone()).collect();
         let mut steps = Vec::new();
         for (index, step) in experiment.steps.iter().enumerate() {
             let asked = experiment.target(step, rig);
-            let (target, magnets) = (asked.directions, rig.magnets().count());
             self.send(target_request(&asked, rig), "target")?;
             let label = format!("step {}/{}", index + 1, experiment.steps.len());
-            let Some(response) = self.play_step(&label, &target[..magnets], step, stop)? else {
+            let goal = Goal { label: &label, magnets: &magnets, target: &asked.directions[..magnets.len()] };
+            let Some(response) = self.play_step(&goal, step, stop)? else {
                 break;
             };
             steps.push(response);
         }
         let timing = self.client.newest_status(Stamp::now()).map(|status| TimingSummary::of_status(&status));
-        Ok(Played { steps, judged_by_truth: self.truth.is_some(), timing })
+        Ok(Played { magnets, steps, judged_by_truth: self.truth.is_some(), timing })
     }
 
     /// Watches one step to its end; `None` when it was broken off.
     fn play_step(
         &mut self,
-        label: &str,
-        target: &[[f64; 3]],
+        goal: &Goal<'_>,
         step: &ExperimentStep,
         stop: &StopFlag,
     ) -> anyhow::Result<Option<StepResponse>> {
         let mut line = LiveLine::new();
         let begin = Stamp::now();
         let duration = Duration::from_secs_f64(step.duration_s);
-        let mut watched = Watched::new(begin, target);
+        let label = goal.label;
+        let mut watched = Watched::new(begin, goal.target);
         self.discard_truth();
         while Stamp::now().since(begin) < duration {
             if step.until == Some(Until::Settled) && watched.judge.has_settled() {
@@ -120,14 +123,19 @@ impl Session {
             let of_this_step = status.header.source_stamp() > begin;
             let near_snap = status.cause == Cause::NearSnapThrough.code();
             if of_this_step && (status.target_verdict == verdict::REFUSED || near_snap) {
-                line.end();
+                // A refused step did not begin: there is nothing to show of it.
+                if status.target_verdict == verdict::REFUSED {
+                    line.erase()
+                } else {
+                    line.end()
+                }
                 let why = anyhow!("{label} was refused: {}", cause::text(status.cause));
                 return Err(Failure::with(Exit::No, why));
             }
             if Stamp::now().since(status.header.source_stamp()) > SILENCE_MAX {
                 return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
             }
-            line.draw(|| live(label, begin, target, &status, watched.lateness_max_us), REDRAW);
+            line.draw(|| live(goal, begin, &status, watched.lateness_max_us), REDRAW);
         }
         let Some(end) = watched.newest else {
             let why = anyhow!(
@@ -135,7 +143,7 @@ impl Session {
             );
             return Err(Failure::with(Exit::Unavailable, why));
         };
-        line.draw(|| live(label, begin, target, &end, watched.lateness_max_us), Duration::ZERO);
+        line.draw(|| live(goal, begin, &end, watched.lateness_max_us), Duration::ZERO);
         line.end();
         Ok(Some(watched.judge.verdict()))
     }
