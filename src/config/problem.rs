@@ -165,7 +165,7 @@ pub(super) fn one_of(found: &str, known: &[&str]) -> String {
 }
 
 /// The known name with the fewest edits from `found`, when they are few enough to be a slip of the hand.
-fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
     let (edits, name) = known.iter().map(|name| (edit_distance(found, name), *name)).min()?;
     let slip = 1 + found.chars().count() / 4;
     (edits <= slip || name.starts_with(found) || found.starts_with(name)).then_some(name)
