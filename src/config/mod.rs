@@ -31,6 +31,7 @@ mod tree;
 pub use campaign::{CampaignConfig, Distribution, Draw, Normal, Uniform, run_seed};
 pub use document::{Document, Number, Resolved};
 pub use experiment::{Experiment, ExperimentStep, Until};
+#[cfg(feature = "record")]
 pub(crate) use problem::nearest;
 pub use problem::{Problem, ProblemKind, Problems};
 pub use root::{Config, TABLES};

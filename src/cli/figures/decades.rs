@@ -7,12 +7,11 @@ use std::sync::Arc;
 
 use kuva::render::layout::TickFormat;
 
-/// Ends between which every number is written out.
-const PLAIN: (f64, f64) = (0.9e-5, 1.1e5);
-
-/// How the numbers of an axis with these ends are written: all of them out, or all of them by their power of ten.
-pub(super) fn numbers((least, most): (f64, f64)) -> TickFormat {
-    let is_plain = least >= PLAIN.0 && most <= PLAIN.1;
+/// How the numbers of an axis with these ends are written: all of them out, or, where the longest would then have more than so
+/// many characters, all of them by their power of ten.
+pub(super) fn numbers((least, most): (f64, f64), characters_max: usize) -> TickFormat {
+    let mut written = numbered(least, most).map(|number| text(number, true));
+    let is_plain = written.all(|number| number.len() <= characters_max);
     TickFormat::Custom(Arc::new(move |value| text(value, is_plain)))
 }
 
@@ -65,7 +64,7 @@ fn numbered(least: f64, most: f64) -> impl DoubleEndedIterator<Item = f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{numbered, text, with_two_numbers};
+    use super::{numbered, numbers, text, with_two_numbers};
 
     #[test]
     fn numbers_of_an_axis_are_of_one_style() {
@@ -82,6 +81,15 @@ mod tests {
             let value = 10_f64.powi(decade);
             assert_eq!(text(value, true).parse::<f64>(), Ok(value), "not rounded to nothing");
         }
+    }
+
+    #[test]
+    fn numbers_are_written_out_as_long_as_there_is_room_for_the_longest() {
+        let written = |ends, characters_max, value| numbers(ends, characters_max).format(value);
+        assert_eq!(written((0.004, 2.0), 5, 0.1), "0.1");
+        assert_eq!(written((0.0004, 2.0), 5, 0.1), "1e-1");
+        assert_eq!(written((1.0, 3e5), 6, 1e5), "100000");
+        assert_eq!(written((1.0, 3e5), 5, 1e5), "1e5");
     }
 
     #[test]

@@ -22,6 +22,8 @@ const SHEET_WIDTH: f64 = 480.0;
 const PADDING: f64 = 14.0;
 /// Numbers for which a logarithmic axis has room: to the right, where they stand side by side, and upwards.
 const NUMBERS_MAX: (usize, usize) = (4, 7);
+/// Characters of one of its numbers, likewise.
+const CHARACTERS_MAX: (usize, usize) = (6, 5);
 
 /// How a curve is drawn. Colours are counted round and round.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -238,10 +240,10 @@ impl Chart {
             layout = layout.with_equal_aspect();
         }
         if self.x.is_log {
-            layout = layout.with_log_x().with_x_tick_format(numbers(x));
+            layout = layout.with_log_x().with_x_tick_format(numbers(x, CHARACTERS_MAX.0));
         }
         if self.y.is_log {
-            layout = layout.with_log_y().with_y_tick_format(numbers(y));
+            layout = layout.with_log_y().with_y_tick_format(numbers(y, CHARACTERS_MAX.1));
         }
         for limit in &self.limits {
             layout = layout.with_reference_line(ReferenceLine::horizontal(*limit).with_color(color(GREY)));

@@ -13,6 +13,8 @@ use super::{COLORS, Curve, line, write};
 
 /// Height at which an empty bin is drawn: a single cycle is to be seen, and the axis is logarithmic.
 const FLOOR: f64 = 0.5;
+/// Characters of a number for which there is room beside an axis.
+const CHARACTERS_MAX: usize = 7;
 
 /// Cycles between two edges of time.
 pub struct CycleBin {
@@ -52,8 +54,8 @@ pub fn cycle_histograms(path: &Path, histograms: &[(&str, Vec<CycleBin>)]) -> an
         layouts.push(
             Layout::new((from, to), (FLOOR, top))
                 .with_log_scale()
-                .with_x_tick_format(numbers((from, to)))
-                .with_y_tick_format(numbers((FLOOR, top)))
+                .with_x_tick_format(numbers((from, to), CHARACTERS_MAX))
+                .with_y_tick_format(numbers((FLOOR, top), CHARACTERS_MAX))
                 .with_x_label(format!("{label} (us)"))
                 .with_y_label("cycles")
                 .with_x_axis_min(from)
@@ -110,7 +112,7 @@ pub fn minutes(path: &Path, panels: &[MinutePanel]) -> anyhow::Result<()> {
             let ends = with_two_numbers(ends);
             layout = layout
                 .with_log_y()
-                .with_y_tick_format(numbers(ends))
+                .with_y_tick_format(numbers(ends, CHARACTERS_MAX))
                 .with_y_axis_min(ends.0)
                 .with_y_axis_max(ends.1);
         } else {

@@ -25,6 +25,13 @@ pub fn timing_line(timing: &TimingSummary) -> String {
     )
 }
 
+/// A number with so many digits behind the point; what rounds to zero has no sign.
+pub fn fixed(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
+    if is_zero { text.trim_start_matches('-').to_owned() } else { text }
+}
+
 /// The table of an experiment's steps, a column for each magnet by its name, and what its errors are.
 pub fn table(played: &Played) -> String {
     let widths: Vec<usize> = played.magnets.iter().map(|name| name.chars().count().max(WIDTH)).collect();
@@ -42,7 +49,7 @@ pub fn table(played: &Played) -> String {
     text += &format!("{}{:16}{}{}current\n", names(target), "", names(mean), names(rms));
     for response in &played.steps {
         let list = |heading: &str, values: &[f64], digits: usize| {
-            group(heading, values.iter().map(|value| format!("{value:.digits$}")).collect())
+            group(heading, values.iter().map(|value| fixed(*value, digits)).collect())
         };
         let settled = response.settled_s.map_or("not settled".to_owned(), |time| format!("{time:.2} s"));
         text += &format!(
@@ -71,7 +78,7 @@ fn judged(by_truth: bool) -> &'static str {
 mod tests {
     use magsteer::daemon::step_response::StepResponse;
 
-    use super::{Played, table};
+    use super::{Played, fixed, table};
 
     fn played(magnets: &[&str], judged_by_truth: bool) -> Played {
         let of = |value: f64| vec![value; magnets.len()];
@@ -106,6 +113,12 @@ mod tests {
             assert_eq!(ends(lines[1], name), below, "{text}");
             assert!(!text.contains("14.5") && !text.contains("21.5"), "{text}");
         }
+    }
+
+    #[test]
+    fn what_rounds_to_zero_has_no_sign() {
+        let written = [-0.004, -0.006, 0.004, -12.0, -0.0, f64::NAN].map(|value| fixed(value, 2));
+        assert_eq!(written, ["0.00", "-0.01", "0.00", "-12.00", "0.00", "NaN"]);
     }
 
     #[test]

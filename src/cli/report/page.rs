@@ -5,6 +5,7 @@ use std::fmt::Write;
 use magsteer::daemon::{LatencySummary, latency_summary};
 
 use super::run::Run;
+use crate::cli::play::fixed;
 
 const STYLE: &str = "\
 body{font:16px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#1a1a1a;background:#fff}\
@@ -107,7 +108,7 @@ fn steps(run: &Run) -> String {
         return "<p>No target was steered to.</p>\n".to_owned();
     }
     let list = |values: &[f64], digits: usize| {
-        values.iter().map(|value| format!("{value:.digits$}")).collect::<Vec<_>>().join(", ")
+        values.iter().map(|value| fixed(*value, digits)).collect::<Vec<_>>().join(", ")
     };
     let rows: String = run
         .steps
