@@ -65,6 +65,13 @@ fn the_simulated_rigs_parameters_are_recovered() {
         let folder = TempDir::new().unwrap();
         let rig = rig(folder.path(), seed, modulus, moment, gain, magnet_interaction);
         let (answer, _) = tuned(&rig, folder.path(), 50);
+        // Newcomers take outliers for failure: the verdict says what they mean.
+        let verdict = answer["verdict"].as_array().unwrap();
+        assert!(verdict[0].as_str().unwrap().starts_with("verdict: modulus of all sections"), "{verdict:?}");
+        let ratio =
+            (answer["chi_square"].as_f64().unwrap() / answer["degrees_of_freedom"].as_f64().unwrap()).sqrt();
+        assert!((answer["residual_over_noise"].as_f64().unwrap() - ratio).abs() < 1e-9);
+        assert_eq!(answer["readings"], 50 * 2 * 2);
         let modulus_off = estimate(&answer, "modulus of all sections") / (1.0 + modulus) - 1.0;
         let described = Config::load(Path::new(&rig)).unwrap().1.description;
         let errors = ErrorMagnitudes { modulus, moment, coil_gain: gain, coil_axis: 0.0, coil_position: 0.0 };

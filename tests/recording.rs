@@ -8,7 +8,8 @@ use std::fs;
 use std::path::Path;
 
 use magsteer::recording::{
-    Cycle, Ending, Number, Recording, RecordingError, RecordingWriter, export_csv, export_npz, level, recover,
+    Choice, Cycle, Ending, Exported, Number, Recording, RecordingError, RecordingWriter, export_csv,
+    export_npz, level, recover,
 };
 use rand::{RngExt, SeedableRng};
 use recording_support::{Subject, complete, planar};
@@ -126,6 +127,33 @@ fn a_recording_cut_anywhere_is_recovered_up_to_the_last_flush() {
     assert_same(&read(&folder.path().join("again.mcap")), &cycles);
 }
 
+/// Goal: cycles, periods that the loop missed and cycles that the recording lost are all periods from the first to
+/// the last.
+#[test]
+fn periods_that_the_loop_missed_are_counted_apart_from_lost_cycles() {
+    let subject = planar();
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut writer = subject.writer(&folder.path().join("recording.mcap"));
+    let (mut ran, mut shift, mut written) = (0_u64, 0, 0);
+    subject.steer(None, &[[90.0, 70.0]], 0.2, |record| {
+        let mut message = magsteer::daemon::cycle_message(record);
+        // Three periods are missed before every 50th cycle but the first; of every hundred cycles two are lost.
+        message.tick.missed = if ran > 0 && ran.is_multiple_of(50) { 3 } else { 0 };
+        shift += message.tick.missed;
+        message.tick.number += shift;
+        if !matches!(ran % 100, 20 | 21) {
+            writer.write(&message).expect("room");
+            written += 1;
+        }
+        ran += 1;
+    });
+    writer.finish(&complete()).expect("room");
+    let counts = Recording::open(folder.path()).expect("a recording").counts().expect("whole");
+    assert!(ran > 300 && counts.cycles == written, "{ran} {counts:?}");
+    assert_eq!((counts.missed, counts.lost(), counts.holes), (shift, ran - written, (ran - written) / 2));
+    assert_eq!(counts.periods(), counts.cycles + counts.missed + counts.lost());
+}
+
 /// Goal: a chunk with a wrong bit is left out, what stands before and behind it is not.
 #[test]
 fn a_damaged_chunk_is_a_hole_and_not_the_end() {
@@ -141,6 +169,7 @@ fn a_damaged_chunk_is_a_hole_and_not_the_end() {
     assert_eq!((counts.damaged, counts.holes, counts.ending), (1, 1, Ending::Whole));
     assert!(counts.cycles < cycles.len() as u64 && counts.cycles >= cycles.len() as u64 - 200);
     assert_eq!((counts.first_number, counts.last_number), (0, cycles.len() as u64 - 1));
+    assert_eq!((counts.missed, counts.lost()), (0, cycles.len() as u64 - counts.cycles));
 }
 
 #[test]
@@ -196,11 +225,12 @@ fn a_recording_is_exported_as_csv_with_every_number() {
     let (cycles, _) = recorded(&subject, &folder.path().join("recording.mcap"));
     let recording = Recording::open(folder.path()).expect("a recording");
     let file = folder.path().join("cycles.csv");
-    assert_eq!(export_csv(&recording, &file).expect("room"), cycles.len() as u64);
+    let exported = export_csv(&recording, &file, &Choice::default()).expect("room");
     let text = fs::read_to_string(&file).expect("a table");
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let names = lines.next().expect("names");
     let column = |name: &str| names.iter().position(|known| *known == name).expect(name);
+    assert_eq!(exported, Exported { rows: cycles.len() as u64, columns: names.len() as u64 });
     let coil = recording.info().coils[1].clone();
     let (number, current) = (column("number"), column(&format!("coil.{coil}.commanded_a")));
     let position = column("magnet.m2.position_z_m");
@@ -210,7 +240,50 @@ fn a_recording_is_exported_as_csv_with_every_number() {
         assert_eq!(line[current].parse::<f64>().expect("a number").to_bits(), cycle.commanded_a[1].to_bits());
         assert_eq!(line[position].parse::<f64>().expect("a number"), cycle.position_m[1][2]);
     }
-    assert!(lines.next().is_none() && export_csv(&recording, &file).is_err(), "no file is written over");
+    assert!(lines.next().is_none(), "a line a cycle");
+    assert!(export_csv(&recording, &file, &Choice::default()).is_err(), "no file is written over");
+}
+
+/// Goal: a narrower table has the same numbers as the whole one at the chosen places, and no others; a name that
+/// picks nothing makes no file.
+#[test]
+fn an_export_of_some_columns_of_some_cycles_is_that_part_of_the_whole() {
+    let subject = planar();
+    let folder = tempfile::tempdir().expect("a folder");
+    let (cycles, _) = recorded(&subject, &folder.path().join("recording.mcap"));
+    let recording = Recording::open(folder.path()).expect("a recording");
+    let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    let choice = Choice { every: 7, names: names(&["magnet.m1.measured", "number", "commanded_a"]) };
+    let file = folder.path().join("thin.csv");
+    let exported = export_csv(&recording, &file, &choice).expect("room");
+    let rows = cycles.len().div_ceil(7);
+    assert_eq!(exported, Exported { rows: rows as u64, columns: 1 + 6 + 3 });
+    let text = fs::read_to_string(&file).expect("a table");
+    let mut lines = text.lines();
+    let head: Vec<&str> = lines.next().expect("names").split(',').collect();
+    assert_eq!((head[0], head[9]), ("number", "magnet.m1.measured_z"), "in the order of a cycle: {head:?}");
+    assert_eq!(lines.clone().count(), rows);
+    for (line, cycle) in lines.zip(cycles.iter().step_by(7)) {
+        let found: Vec<&str> = line.split(',').collect();
+        assert_eq!((found.len(), found[0]), (10, &*cycle.number.to_string()));
+        let real = |index: usize| found[index].parse::<f64>().expect("a number").to_bits();
+        assert_eq!(real(3), cycle.commanded_a[2].to_bits());
+        assert!(real(7) == cycle.measured[0][0].to_bits() || cycle.measured[0][0].is_nan());
+    }
+    let npz = folder.path().join("thin.npz");
+    let exported = export_npz(&recording, &npz, &choice).expect("room");
+    // Arrays are whole: the tangents of both magnets.
+    assert_eq!(exported, Exported { rows: rows as u64, columns: 1 + 6 + 6 });
+    let bytes = fs::read(&npz).expect("an archive");
+    assert_eq!(bytes[bytes.len() - 12], 3 + 3, "three arrays, and three lists of names");
+    let shape = format!("'shape': ({rows}, 6, )");
+    assert!(bytes.windows(shape.len()).any(|window| window == shape.as_bytes()));
+
+    let none = folder.path().join("none.csv");
+    let unknown = Choice { every: 1, names: names(&["number", "mesured_a"]) };
+    let refused = export_csv(&recording, &none, &unknown).expect_err("no such column").to_string();
+    assert_eq!(refused, "mesured_a: names no column; did you mean `measured_a`?");
+    assert!(!none.exists());
 }
 
 /// Goal: the archive has the structure of a ZIP, with every field once and as many bytes as its shape says.
@@ -222,7 +295,8 @@ fn a_recording_is_exported_as_arrays_of_the_right_length() {
     let (cycles, _) = recorded(&subject, &folder.path().join("recording.mcap"));
     let recording = Recording::open(folder.path()).expect("a recording");
     let file = folder.path().join("cycles.npz");
-    assert_eq!(export_npz(&recording, &file).expect("room"), cycles.len() as u64);
+    let exported = export_npz(&recording, &file, &Choice::default()).expect("room");
+    assert_eq!(exported.rows, cycles.len() as u64);
     let bytes = fs::read(&file).expect("an archive");
     let end = &bytes[bytes.len() - 22..];
     assert_eq!(&end[..4], b"PK\x05\x06");

@@ -77,6 +77,12 @@ fn a_recorded_run_leaves_a_folder_with_every_cycle_that_replays() {
     let ran = end.report["loop"]["cycles"].as_u64().expect("a count");
     let dropped = end.report["records_dropped"].as_u64().expect("a count");
     assert_eq!(shown["cycles"].as_u64().expect("a count") + dropped, ran, "{}", end.said);
+    let number = |key: &str| shown[key].as_u64().expect("a count");
+    let periods = number("last_cycle") - number("first_cycle") + 1;
+    assert_eq!(number("cycles") + number("missed") + number("lost"), periods, "{shown}");
+    if dropped == 0 {
+        assert_eq!(shown["missed"], end.report["loop"]["missed"], "{shown}");
+    }
     assert_eq!((&shown["whole"], &shown["description"]), (&true.into(), &"steered by a test".into()));
     assert_eq!(shown["is_complete"], dropped == 0);
     for name in ["config.toml", "description.txt", "summary.json", "latency.csv"] {

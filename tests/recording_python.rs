@@ -11,7 +11,7 @@ use std::path::Path;
 use std::process::Command;
 
 use magsteer::daemon::cycle_message;
-use magsteer::recording::{Cycle, Recording, export_npz};
+use magsteer::recording::{Choice, Cycle, Recording, export_npz};
 use recording_support::{complete, planar};
 use serde_json::Value;
 
@@ -59,7 +59,7 @@ fn public_packages_read_every_cycle_to_the_last_bit() {
     writer.finish(&complete()).expect("room");
     let recording = Recording::open(&file).expect("a recording");
     let table = folder.path().join("cycles.npz");
-    export_npz(&recording, &table).expect("room");
+    export_npz(&recording, &table, &Choice::default()).expect("room");
     let Some(found) = in_python(&file, &table) else { return };
     let rig = recording.info().rig.replace('-', "_");
     for package in ["mcap", "mcap_ros2", "rosbags"] {

@@ -65,6 +65,23 @@ fn report_draws_what_was_recorded_and_its_page_loads_nothing() {
     assert!((at(0.6 + 2.9) - TARGETS_DEG[1][0]).abs() < 1.0, "{}", at(3.5));
     let page = fs::read_to_string(folder.path().join("report/report.html")).expect("a page");
     assert_eq!(page.matches("<figure").count(), 7);
+    for told in
+        ["2 of 2 settled", "<th>begun</th>", " UTC", "periods missed by the loop", "largest current (A)"]
+    {
+        assert!(page.contains(told), "{told}");
+    }
+    // Every event has its time, and the pose age is that of every cycle, which a tracker of 200 Hz feeds now and then.
+    let events = page.split("<h2>Events</h2>").nth(1).expect("events");
+    let active = events.lines().find(|line| line.ends_with("armed -&gt; active")).expect("it was steered");
+    let time: f64 = active.split_whitespace().next().and_then(|time| time.parse().ok()).expect("a time");
+    assert!(time > 0.0 && time < 1.0 && active.contains(" s  "), "{active}");
+    let ages = page.split("<tr><th>pose age</th>").nth(1).and_then(|rest| rest.split("</tr>").next());
+    let ages: Vec<f64> =
+        ages.expect("a row").split('>').filter_map(|cell| cell.strip_suffix("</td")?.parse().ok()).collect();
+    assert!(
+        ages[4] - ages[0] > 1500.0,
+        "ages from one pose to the next are as far apart as the sensor's period: {ages:?}"
+    );
     // Drawings name parts of themselves by url(#...).
     let page = page.replace("url(#", "");
     for loads in ["<script", "<link", "<img", "@import", "src=", "url("] {

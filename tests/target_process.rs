@@ -71,7 +71,23 @@ fn scripts_and_streams_steer_a_running_rig_and_bad_ones_move_nothing() {
 
     let settled = output(target(&world, &["set", "m1=80deg", "m2=95deg", "--wait", "settled", "--json"]));
     assert_eq!(settled.status.code(), Some(0), "{}", said(&settled));
+    let step = &answer(&settled)["steps"][0];
     assert_eq!(answer(&settled)["all_settled"], true);
+    // The last second of a step that ends as soon as it has settled holds its way; its end does not.
+    for magnet in 0..2 {
+        let rms = |key: &str| step[key][magnet].as_f64().expect("a number");
+        assert!(rms("error_end_rms_deg") < 1.0 && rms("error_end_rms_deg") <= rms("error_rms_deg"), "{step}");
+    }
+    assert!(said(&settled).contains(" of 80.0 deg"), "each magnet by its name: {}", said(&settled));
+
+    // Of a step that did not begin nothing is told but why.
+    let refused = output(target(&world, &["set", "m1=10deg", "m2=170deg", "--wait", "settled"]));
+    assert_eq!(refused.status.code(), Some(1), "{}", said(&refused));
+    assert!(
+        said(&refused).contains("was refused") && !said(&refused).contains("measured"),
+        "{}",
+        said(&refused)
+    );
 
     // Refused before anything moves: in the model, and because of what stands in the file.
     let before = operator.until(|_| true).target_direction;

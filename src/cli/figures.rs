@@ -1,5 +1,7 @@
 //! Pictures of a run as PNG: the one module that knows the plotting library.
 
+#[cfg(any(feature = "record", feature = "sim"))]
+mod decades;
 #[cfg(feature = "record")]
 mod sheet;
 mod timing;
@@ -19,9 +21,11 @@ pub use sheet::{Axis, Chart, Look, Sheet, Trace};
 #[cfg(feature = "sim")]
 pub use timing::{CycleBin, MinutePanel, cycle_histograms, minutes};
 
-/// Colours that stay apart in print and for colour-blind readers (Okabe, Ito 2008).
+/// Colours that stay apart in print and for colour-blind readers (Okabe, Ito 2008), and Tol's wine in place of a grey.
 const COLORS: [&str; 8] =
-    ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999"];
+    ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#882255"];
+/// The colour of what is no curve: of limits and of what stands in the background. No count of curves comes to it.
+pub const GREY: usize = usize::MAX;
 /// Pixels per unit of the layout: sharp at a journal's column width.
 const SCALE: f32 = 2.0;
 
@@ -32,6 +36,11 @@ pub enum Stroke {
     Color(usize),
     /// The same, dashed.
     Dashed(usize),
+}
+
+/// A colour by its number, counted round and round.
+fn color(number: usize) -> &'static str {
+    if number == GREY { "#999999" } else { COLORS[number % COLORS.len()] }
 }
 
 /// One curve of a panel.
@@ -75,7 +84,7 @@ pub fn stacked(path: &Path, title: &str, panels: &[Panel]) -> anyhow::Result<()>
             .with_y_label(panel.label.clone())
             .with_x_axis_min(first)
             .with_x_axis_max(last)
-            .with_reference_line(ReferenceLine::vertical(0.0).with_color(COLORS[7]));
+            .with_reference_line(ReferenceLine::vertical(0.0).with_color(color(GREY)));
         if index == 0 {
             layout = layout.with_title(title).with_title_size(14);
         }
@@ -92,10 +101,10 @@ pub fn stacked(path: &Path, title: &str, panels: &[Panel]) -> anyhow::Result<()>
 }
 
 fn line(curve: &Curve) -> Plot {
-    let (Stroke::Color(color) | Stroke::Dashed(color)) = curve.stroke;
+    let (Stroke::Color(number) | Stroke::Dashed(number)) = curve.stroke;
     let line = LinePlot::new()
         .with_data(curve.points.clone())
-        .with_color(COLORS[color % COLORS.len()])
+        .with_color(color(number))
         .with_stroke_width(1.2)
         .with_legend(curve.name.clone());
     match curve.stroke {
@@ -109,4 +118,14 @@ fn write(path: &Path, figure: Figure) -> anyhow::Result<()> {
     let picture = PngBackend::new().with_scale(SCALE).render_scene(&scene);
     let bytes = picture.map_err(|reason| anyhow!("{}: cannot be drawn: {reason}", path.display()))?;
     std::fs::write(path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{GREY, color};
+
+    #[test]
+    fn no_curve_has_the_colour_of_limits() {
+        assert!((0..100).all(|number| color(number) != color(GREY)));
+    }
 }

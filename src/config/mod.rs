@@ -32,6 +32,8 @@ mod tree;
 pub use campaign::{CampaignConfig, Distribution, Draw, Normal, Uniform, run_seed};
 pub use document::{Document, Number, Resolved};
 pub use experiment::{Experiment, ExperimentStep, Until};
+#[cfg(feature = "record")]
+pub(crate) use problem::nearest;
 pub use problem::{Problem, ProblemKind, Problems};
 pub use root::{Config, TABLES};
 pub use script::experiment_of_csv;

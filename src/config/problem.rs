@@ -212,7 +212,7 @@ pub(super) fn one_of(found: &str, known: &[&str]) -> String {
 
 /// The known name with the fewest edits from `found`, when they are few enough to be a slip of the hand; else
 /// one that goes on where `found` ends, as with its unit, or the other way round.
-pub(super) fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
     let (edits, name) = known.iter().map(|name| (edit_distance(found, name), *name)).min()?;
     let slip = 1 + found.chars().count() / 4;
     if edits <= slip {

@@ -3,7 +3,9 @@
 //! Terms: a step has *settled* from the first moment after which every magnet stays within [`SETTLED_WITHIN`]
 //! of its target to the step's end, and for [`SETTLED_FOR`] at least. The error of a magnet is the angle
 //! between its tangent and its target; its signed error is the difference of their angles from global z, as
-//! the paper's figures show it. Mean and RMS are taken over [`JUDGED_OVER`] at the step's end.
+//! the paper's figures show it. Mean and RMS are taken over [`JUDGED_OVER`] at the step's end; the same *at
+//! the end* over that of it which follows the settling, so that a step that ends as soon as it has settled is
+//! not judged by its way there.
 
 use std::collections::VecDeque;
 
@@ -44,6 +46,10 @@ pub struct StepResponse {
     pub error_mean_deg: Vec<f64>,
     /// RMS of the error of each magnet.
     pub error_rms_deg: Vec<f64>,
+    /// Mean of the signed error of each magnet at the end: from the settling on, where that is later.
+    pub error_end_mean_deg: Vec<f64>,
+    /// RMS of the error of each magnet at the end: from the settling on, where that is later.
+    pub error_end_rms_deg: Vec<f64>,
     /// Greatest magnitude of a coil current during the step.
     pub current_max_a: f64,
 }
@@ -110,24 +116,34 @@ impl Judge {
     /// How the step went, were it to end now.
     #[must_use]
     pub fn verdict(&self) -> StepResponse {
-        let count = self.times.len() as f64;
+        let settled = self.settled_since.filter(|_| self.has_settled());
+        let way = settled.map_or(0, |settled| self.times.partition_point(|time| *time < settled));
         let magnets = 0..self.target.len();
-        let mean = |magnet: usize| {
-            let target = degrees_from_z(&self.target[magnet]);
-            self.kept(magnet).map(|tangent| degrees_from_z(tangent) - target).sum::<f64>() / count
-        };
-        let rms = |magnet: usize| {
-            let target = &self.target[magnet];
-            let squares: f64 = self.kept(magnet).map(|tangent| angle(tangent, target).powi(2)).sum();
-            (squares / count).sqrt().to_degrees()
-        };
+        let mean = |magnet, from| self.error_mean_deg(magnet, from);
+        let rms = |magnet, from| self.error_rms_deg(magnet, from);
         StepResponse {
             target_deg: self.target.iter().map(degrees_from_z).collect(),
-            settled_s: self.settled_since.filter(|_| self.has_settled()),
-            error_mean_deg: magnets.clone().map(mean).collect(),
-            error_rms_deg: magnets.map(rms).collect(),
+            settled_s: settled,
+            error_mean_deg: magnets.clone().map(|magnet| mean(magnet, 0)).collect(),
+            error_rms_deg: magnets.clone().map(|magnet| rms(magnet, 0)).collect(),
+            error_end_mean_deg: magnets.clone().map(|magnet| mean(magnet, way)).collect(),
+            error_end_rms_deg: magnets.map(|magnet| rms(magnet, way)).collect(),
             current_max_a: self.current_max,
         }
+    }
+
+    /// Mean of the signed error of a magnet over the observations kept but the first `from`.
+    fn error_mean_deg(&self, magnet: usize, from: usize) -> f64 {
+        let target = degrees_from_z(&self.target[magnet]);
+        let errors = self.kept(magnet).skip(from).map(|tangent| degrees_from_z(tangent) - target);
+        errors.sum::<f64>() / (self.times.len() - from) as f64
+    }
+
+    /// RMS of the error of a magnet over the observations kept but the first `from`.
+    fn error_rms_deg(&self, magnet: usize, from: usize) -> f64 {
+        let target = &self.target[magnet];
+        let squares = self.kept(magnet).skip(from).map(|tangent| angle(tangent, target).powi(2));
+        (squares.sum::<f64>() / (self.times.len() - from) as f64).sqrt().to_degrees()
     }
 
     /// Farthest that a magnet's tangent was from its last one within the last [`JUDGED_OVER`], rad: what
@@ -212,6 +228,38 @@ mod tests {
         assert!((response.error_mean_deg[0] - 0.5).abs() < 1e-9);
         assert!((response.error_rms_deg[0] - 0.5).abs() < 1e-9);
         assert_eq!(response.settled_s, Some(0.0));
+    }
+
+    /// Goal: a step that ends soon after it settled is judged at its end by what followed, not by its way.
+    #[test]
+    fn errors_at_the_end_leave_out_the_way_there() {
+        let mut judge = Judge::new(&[tangent_at(70.0)]);
+        for observation in observe(|time| if time < 0.5 { 30.0 } else { 70.3 }) {
+            if judge.has_settled() {
+                break;
+            }
+            judge.take(&observation);
+        }
+        let response = judge.verdict();
+        assert!(response.settled_s.is_some_and(|settled| (settled - 0.5).abs() < 0.011));
+        assert!(
+            response.error_rms_deg[0] > 20.0 && response.error_mean_deg[0] < -20.0,
+            "over the last second"
+        );
+        assert!((response.error_end_rms_deg[0] - 0.3).abs() < 1e-9, "{:?}", response.error_end_rms_deg);
+        assert!((response.error_end_mean_deg[0] - 0.3).abs() < 1e-9, "{:?}", response.error_end_mean_deg);
+    }
+
+    /// Goal: where the last second follows the settling, or nothing settled, both errors are the same.
+    #[test]
+    fn errors_at_the_end_are_those_of_the_last_second_of_a_long_step() {
+        for way in
+            [|time: f64| 90.0 - 20.0 * (-5.0 * time).exp(), |time: f64| 90.0 + 3.0 * (9.0 * time).sin()]
+        {
+            let response = judge(&[tangent_at(90.0)], &observe(way));
+            assert_eq!(response.error_end_mean_deg, response.error_mean_deg);
+            assert_eq!(response.error_end_rms_deg, response.error_rms_deg);
+        }
     }
 
     /// Goal: a magnet that swings about its target by half a degree at the end has a swing of one, whatever

@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::cdr::CdrError;
+use super::choice::UnknownColumn;
 
 /// A recording that cannot be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -74,6 +75,9 @@ pub enum RecordingError {
         /// What the library says.
         source: mcap::McapError,
     },
+    /// A column that is asked for is none.
+    #[error(transparent)]
+    Column(#[from] UnknownColumn),
     /// What is asked for does not fit into the format.
     #[error("{}: {reason}", path.display())]
     TooLarge {

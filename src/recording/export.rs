@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use super::choice::{Choice, Chosen, entries};
 use super::cycle::{Cycle, Field};
 use super::error::RecordingError;
 use super::info::Info;
@@ -11,76 +12,61 @@ use super::npz::{Kind, NpzWriter};
 use super::reader::Recording;
 use super::value::{Number, Per};
 
-/// Answers of a cycle at most.
-const ANSWERS: usize = magsteer_hal::record::CYCLE_ANSWERS;
 /// Most memory for the arrays of one pass over the recording, bytes.
 const PASS_BYTES: u64 = 256 << 20;
 
-/// Entries of a field in a recording.
-fn entries(field: &Field, info: &Info) -> usize {
-    match field.per {
-        Per::Cycle => 1,
-        Per::Coil => info.coils.len(),
-        Per::Frame => info.frames.len(),
-        Per::Magnet => info.magnets.len(),
-        Per::Answer => ANSWERS,
-    }
+/// What a table has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Exported {
+    /// Cycles.
+    pub rows: u64,
+    /// Numbers of each.
+    pub columns: u64,
 }
 
-/// Names of a field's columns: `coil.iron-0.measured_a`, `magnet.m1.position_x_m`.
-fn columns(field: &Field, info: &Info) -> Vec<String> {
-    let named = |kind: &str, names: &[String]| -> Vec<String> {
-        names.iter().map(|name| format!("{kind}.{name}.")).collect()
-    };
-    let prefixes = match field.per {
-        Per::Cycle => vec![String::new()],
-        Per::Coil => named("coil", &info.coils),
-        Per::Frame => named("frame", &info.frames),
-        Per::Magnet => named("magnet", &info.magnets),
-        Per::Answer => (1..=ANSWERS).map(|number| format!("answer.{number}.")).collect(),
-    };
-    // The unit stays last.
-    let unit = ["_rad", "_m"].into_iter().find(|unit| field.parts.len() > 1 && field.name.ends_with(unit));
-    let unit = unit.unwrap_or("");
-    let stem = &field.name[..field.name.len() - unit.len()];
-    let parts = |prefix: &String| -> Vec<String> {
-        field.parts.iter().map(|part| format!("{prefix}{stem}{part}{unit}")).collect()
-    };
-    prefixes.iter().flat_map(parts).collect()
-}
-
-/// Writes every cycle as a line, the names of the columns first; what a cycle does not have is empty.
+/// Writes the chosen cycles as a line each, the names of the columns first; what a cycle does not have is empty.
 ///
 /// # Errors
-/// When the recording cannot be read, or the file cannot be written.
-pub fn export_csv(recording: &Recording, target: &Path) -> Result<u64, RecordingError> {
+/// When a name picks no column, the recording cannot be read, or the file cannot be written.
+pub fn export_csv(recording: &Recording, target: &Path, choice: &Choice) -> Result<Exported, RecordingError> {
     let refused = |source| RecordingError::write(target, source);
+    let fields = choice.of(recording.info())?;
     let file = File::create_new(target);
     let file = file.map_err(|source| RecordingError::Create { path: target.to_owned(), source })?;
     let mut output = BufWriter::with_capacity(1 << 18, file);
-    let info = recording.info();
-    let names: Vec<String> = Cycle::FIELDS.iter().flat_map(|field| columns(field, info)).collect();
+    let names: Vec<&str> = fields.iter().flat_map(Chosen::names).collect();
     writeln!(output, "{}", names.join(",")).map_err(refused)?;
-    let widths: Vec<usize> =
-        Cycle::FIELDS.iter().map(|field| entries(field, info) * field.parts.len()).collect();
     let mut rows = 0;
-    for cycle in recording.cycles()? {
-        write_row(&mut output, &cycle?.numbers(), &widths).map_err(refused)?;
+    for cycle in thinned(recording, choice)? {
+        write_row(&mut output, &cycle?.numbers(), &fields).map_err(refused)?;
         rows += 1;
     }
     output.flush().map_err(refused)?;
-    Ok(rows)
+    Ok(Exported { rows, columns: names.len() as u64 })
 }
 
-fn write_row(output: &mut impl Write, fields: &[Vec<Number>], widths: &[usize]) -> io::Result<()> {
+/// The chosen cycles. One that cannot be read is not passed over.
+fn thinned(
+    recording: &Recording,
+    choice: &Choice,
+) -> Result<impl Iterator<Item = Result<Cycle, RecordingError>>, RecordingError> {
+    let every = choice.every.max(1);
+    let cycles = (0_u64..).zip(recording.cycles()?);
+    let is_chosen =
+        move |(index, cycle): &(u64, Result<Cycle, _>)| index.is_multiple_of(every) || cycle.is_err();
+    Ok(cycles.filter(is_chosen).map(|(_, cycle)| cycle))
+}
+
+fn write_row(output: &mut impl Write, numbers: &[Vec<Number>], fields: &[Chosen]) -> io::Result<()> {
     let mut is_first = true;
-    for (numbers, width) in fields.iter().zip(widths) {
-        for index in 0..*width {
+    for field in fields {
+        let chosen = field.is_chosen.iter().enumerate().filter(|(_, is_chosen)| **is_chosen);
+        for (index, _) in chosen {
             if !is_first {
                 output.write_all(b",")?;
             }
             is_first = false;
-            match numbers.get(index) {
+            match numbers[field.index].get(index) {
                 Some(Number::Count(count)) => write!(output, "{count}")?,
                 Some(Number::Real(real)) if real.is_nan() => output.write_all(b"nan")?,
                 Some(Number::Real(real)) => write!(output, "{real}")?,
@@ -91,19 +77,24 @@ fn write_row(output: &mut impl Write, fields: &[Vec<Number>], widths: &[usize]) 
     output.write_all(b"\n")
 }
 
-/// Writes an array for every field: its first axis is the cycle, its second the coil, frame or magnet, its
-/// third x, y, z and w. Names stand in `coil_names`, `frame_names` and `magnet_names`. What a cycle does not
-/// have is not a number, or 0 among counts.
+/// Writes an array for every field of which a column is chosen: its first axis is the cycle, its second the
+/// coil, frame or magnet, its third x, y, z and w. Names stand in `coil_names`, `frame_names` and
+/// `magnet_names`. What a cycle does not have is not a number, or 0 among counts.
 ///
 /// # Errors
-/// When the recording cannot be read, the file cannot be written, or would be longer than the format allows.
-pub fn export_npz(recording: &Recording, target: &Path) -> Result<u64, RecordingError> {
+/// When a name picks no column, the recording cannot be read, the file cannot be written, or would be longer
+/// than the format allows.
+pub fn export_npz(recording: &Recording, target: &Path, choice: &Choice) -> Result<Exported, RecordingError> {
     let refused = |source| RecordingError::write(target, source);
     let info = recording.info();
-    let rows = recording.counts()?.cycles;
-    let bytes: u64 = Cycle::FIELDS.iter().map(|field| rows * row_bytes(field, info)).sum();
+    let fields = choice.of(info)?;
+    let rows = recording.counts()?.cycles.div_ceil(choice.every.max(1));
+    let bytes: u64 = fields.iter().map(|field| rows * row_bytes(field.field, info)).sum();
     if bytes > u64::from(u32::MAX) - (1 << 20) {
-        let reason = format!("{rows} cycles are {} MB, more than an NPZ file holds: use csv", bytes >> 20);
+        let reason = format!(
+            "{rows} cycles are {} MB, more than an NPZ file holds: choose fewer cycles or columns, or CSV",
+            bytes / 1_000_000
+        );
         return Err(RecordingError::TooLarge { path: target.to_owned(), reason });
     }
     let file = File::create_new(target);
@@ -114,11 +105,11 @@ pub fn export_npz(recording: &Recording, target: &Path) -> Result<u64, Recording
     {
         output.texts(name, names).map_err(refused)?;
     }
-    let mut next = 0;
-    while next < Cycle::FIELDS.len() {
-        let end = pass_end(next, rows, info);
-        let arrays = gather(recording, next..end, rows)?;
-        for (field, array) in Cycle::FIELDS[next..end].iter().zip(arrays) {
+    let mut rest = &fields[..];
+    while !rest.is_empty() {
+        let (now, later) = rest.split_at(pass_length(rest, rows, info));
+        for (chosen, array) in now.iter().zip(gather(recording, now, rows, choice)?) {
+            let field = chosen.field;
             let mut shape = vec![rows];
             if field.per != Per::Cycle {
                 shape.push(entries(field, info) as u64);
@@ -128,10 +119,11 @@ pub fn export_npz(recording: &Recording, target: &Path) -> Result<u64, Recording
             }
             output.array(field.name, kind(field), &shape, &array).map_err(refused)?;
         }
-        next = end;
+        rest = later;
     }
     output.finish().map_err(refused)?;
-    Ok(rows)
+    let columns = fields.iter().map(|chosen| chosen.columns.len() as u64).sum();
+    Ok(Exported { rows, columns })
 }
 
 fn kind(field: &Field) -> Kind {
@@ -147,31 +139,31 @@ fn row_bytes(field: &Field, info: &Info) -> u64 {
     (size * entries(field, info) * field.parts.len()) as u64
 }
 
-/// How many fields, from `begin`, fit into the memory of a pass; at least one.
-fn pass_end(begin: usize, rows: u64, info: &Info) -> usize {
+/// How many of the fields fit into the memory of a pass; at least one.
+fn pass_length(fields: &[Chosen], rows: u64, info: &Info) -> usize {
     let mut bytes = 0;
-    let fits = |field: &&Field| {
-        bytes += rows * row_bytes(field, info);
+    let fits = |chosen: &&Chosen| {
+        bytes += rows * row_bytes(chosen.field, info);
         bytes <= PASS_BYTES
     };
-    begin + Cycle::FIELDS[begin..].iter().take_while(fits).count().max(1)
+    fields.iter().take_while(fits).count().max(1)
 }
 
 /// The bytes of some fields' arrays, little-endian.
 fn gather(
     recording: &Recording,
-    fields: std::ops::Range<usize>,
+    fields: &[Chosen],
     rows: u64,
+    choice: &Choice,
 ) -> Result<Vec<Vec<u8>>, RecordingError> {
     let info = recording.info();
-    let chosen = &Cycle::FIELDS[fields.clone()];
-    let room = |field: &Field| Vec::with_capacity((rows * row_bytes(field, info)) as usize);
-    let mut arrays: Vec<Vec<u8>> = chosen.iter().map(room).collect();
-    for cycle in recording.cycles()? {
+    let room = |chosen: &Chosen| Vec::with_capacity((rows * row_bytes(chosen.field, info)) as usize);
+    let mut arrays: Vec<Vec<u8>> = fields.iter().map(room).collect();
+    for cycle in thinned(recording, choice)? {
         let numbers = cycle?.numbers();
-        for ((field, array), numbers) in chosen.iter().zip(&mut arrays).zip(&numbers[fields.clone()]) {
-            let kind = kind(field);
-            for index in 0..entries(field, info) * field.parts.len() {
+        for (chosen, array) in fields.iter().zip(&mut arrays) {
+            let (kind, numbers) = (kind(chosen.field), &numbers[chosen.index]);
+            for index in 0..chosen.columns.len() {
                 let real = match numbers.get(index) {
                     Some(Number::Real(real)) => *real,
                     _ => f64::NAN,

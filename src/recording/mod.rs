@@ -42,11 +42,13 @@
 //! | `reader` | a recording as its cycles, events and counts |
 //! | `recover` | a whole file of one that was cut |
 //! | `export`, `npz` | cycles as tables |
+//! | `choice` | which cycles and columns a table has |
 //! | `replay` | a run done again, bit for bit |
 //!
 //! What is absent: anything in the daemon's process; a clock in what reads.
 
 mod cdr;
+mod choice;
 mod container;
 mod convert;
 mod cycle;
@@ -66,11 +68,12 @@ mod value;
 mod writer;
 
 pub use cdr::CdrError;
+pub use choice::{Choice, UnknownColumn};
 pub use container::Ending;
 pub use convert::Sizes;
 pub use cycle::{Cycle, Field};
 pub use error::RecordingError;
-pub use export::{export_csv, export_npz};
+pub use export::{Exported, export_csv, export_npz};
 pub use info::Info;
 pub use reader::{Counts, Cycles, Event, MetadataMap, Recording, follows};
 pub use recorder::{RECORDING, RecordReport, RecorderError, RecordingPlan, Why, record, recording_in};

@@ -42,6 +42,9 @@ pub struct Counts {
     pub last_ns: u64,
     /// Holes: places where a cycle is not the one that followed on the daemon's grid.
     pub holes: u64,
+    /// Periods between the first cycle and the last that the loop missed, as the cycles after them tell: they
+    /// have no cycle, and are no holes.
+    pub missed: u64,
     /// Messages of all topics.
     pub messages: u64,
     /// Records that are damaged.
@@ -50,6 +53,20 @@ pub struct Counts {
     pub ending: Ending,
     /// The recorder's word that the run's last cycle is there; `None` when it did not come to say.
     pub is_complete: Option<bool>,
+}
+
+impl Counts {
+    /// Periods from the first cycle to the last: those with a cycle, those missed and those lost.
+    #[must_use]
+    pub fn periods(&self) -> u64 {
+        if self.cycles == 0 { 0 } else { self.last_number.saturating_sub(self.first_number) + 1 }
+    }
+
+    /// Cycles that the run had and the recording has not, between its first and its last.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.periods().saturating_sub(self.cycles + self.missed)
+    }
 }
 
 /// Where a cycle stands in its run.
@@ -173,11 +190,12 @@ impl Recording {
     pub fn counts(&self) -> Result<Counts, RecordingError> {
         let mut cycles = self.cycles()?;
         let (mut first, mut last) = (None, None);
-        let (mut count, mut holes) = (0, 0);
+        let (mut count, mut holes, mut missed) = (0, 0, 0);
         for cycle in cycles.by_ref() {
             let cycle = cycle?;
             // A recording that begins late has no hole for that; its first number tells.
             holes += u64::from(last.is_some_and(|place: Place| !follows(Some(place.number), &cycle)));
+            missed += last.map_or(0, |_| cycle.missed);
             let place = Place { number: cycle.number, now_ns: cycle.now_ns };
             first.get_or_insert(place);
             last = Some(place);
@@ -192,6 +210,7 @@ impl Recording {
             first_ns: first.unwrap_or_default().now_ns,
             last_ns: last.unwrap_or_default().now_ns,
             holes,
+            missed,
             messages: messages.count,
             damaged: messages.records.damaged(),
             ending: messages.records.ending(),

@@ -11,7 +11,8 @@ use kuva::render::figure::{Figure, FigureLegendPosition};
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 
-use super::{COLORS, write};
+use super::decades::{numbers, sparse, with_two_numbers};
+use super::{GREY, color, write};
 
 /// Sizes of text in a sheet 480 wide: 7 points or more when that is printed 88 mm wide.
 const TITLE_SIZE: u32 = 14;
@@ -19,6 +20,10 @@ const TEXT_SIZE: u32 = 14;
 /// Width of a sheet, and of what stands around its cells.
 const SHEET_WIDTH: f64 = 480.0;
 const PADDING: f64 = 14.0;
+/// Numbers for which a logarithmic axis has room: to the right, where they stand side by side, and upwards.
+const NUMBERS_MAX: (usize, usize) = (4, 7);
+/// Characters of one of its numbers, likewise.
+const CHARACTERS_MAX: (usize, usize) = (6, 5);
 
 /// How a curve is drawn. Colours are counted round and round.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,12 +42,12 @@ pub enum Look {
 
 impl Look {
     fn color(self) -> &'static str {
-        let (Self::Line(color)
-        | Self::Dashed(color)
-        | Self::Wide(color, _)
-        | Self::Dots(color)
-        | Self::Box(color, _)) = self;
-        COLORS[color % COLORS.len()]
+        let (Self::Line(number)
+        | Self::Dashed(number)
+        | Self::Wide(number, _)
+        | Self::Dots(number)
+        | Self::Box(number, _)) = self;
+        color(number)
     }
 }
 
@@ -213,10 +218,8 @@ impl Chart {
     fn panel(&self) -> (Vec<Plot>, Layout) {
         let drawn = self.traces.iter().filter(|trace| !trace.points.is_empty());
         let plots: Vec<Plot> = drawn.map(Trace::plot).collect();
-        let (mut x, y) = (self.range(&self.x, |point| point.0), self.range(&self.y, |point| point.1));
-        if self.x.is_log {
-            x = uncrowded(x);
-        }
+        let x = self.range(&self.x, |point| point.0, NUMBERS_MAX.0);
+        let y = self.range(&self.y, |point| point.1, NUMBERS_MAX.1);
         let mut layout = Layout::new(x, y)
             .with_x_label(self.x.label.clone())
             .with_y_label(self.y.label.clone())
@@ -237,19 +240,19 @@ impl Chart {
             layout = layout.with_equal_aspect();
         }
         if self.x.is_log {
-            layout = layout.with_log_x();
+            layout = layout.with_log_x().with_x_tick_format(numbers(x, CHARACTERS_MAX.0));
         }
         if self.y.is_log {
-            layout = layout.with_log_y();
+            layout = layout.with_log_y().with_y_tick_format(numbers(y, CHARACTERS_MAX.1));
         }
         for limit in &self.limits {
-            layout = layout.with_reference_line(ReferenceLine::horizontal(*limit).with_color(COLORS[7]));
+            layout = layout.with_reference_line(ReferenceLine::horizontal(*limit).with_color(color(GREY)));
         }
         (plots, layout)
     }
 
     /// Ends of an axis: those stated, or those of the points and a little more.
-    fn range(&self, axis: &Axis, part: fn(&(f64, f64)) -> f64) -> (f64, f64) {
+    fn range(&self, axis: &Axis, part: fn(&(f64, f64)) -> f64, numbers_max: usize) -> (f64, f64) {
         if let Some(range) = axis.range {
             return range;
         }
@@ -261,18 +264,12 @@ impl Chart {
             return (0.0, 1.0);
         }
         if axis.is_log {
-            return (least.max(f64::MIN_POSITIVE) / 1.3, most.max(f64::MIN_POSITIVE) * 1.3);
+            let ends = (least.max(f64::MIN_POSITIVE) / 1.3, most.max(f64::MIN_POSITIVE) * 1.3);
+            return sparse(with_two_numbers(ends), numbers_max);
         }
         let margin = (0.06 * (most - least)).max(1e-3 * most.abs()).max(1e-9);
         (least - margin, most + margin)
     }
-}
-
-/// Ends of a logarithmic axis to the right whose numbers do not run into each other. Over parts of three decades the
-/// plotting library writes 1, 2 and 5 of each; below a fourth one, powers of ten alone.
-fn uncrowded((least, most): (f64, f64)) -> (f64, f64) {
-    let first = least.log10().floor();
-    if most.log10().ceil() - first == 3.0 { (0.99 * 10_f64.powf(first), most) } else { (least, most) }
 }
 
 impl Trace {

@@ -8,10 +8,13 @@ use kuva::render::figure::Figure;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 
+use super::decades::{numbers, with_two_numbers};
 use super::{COLORS, Curve, line, write};
 
 /// Height at which an empty bin is drawn: a single cycle is to be seen, and the axis is logarithmic.
 const FLOOR: f64 = 0.5;
+/// Characters of a number for which there is room beside an axis.
+const CHARACTERS_MAX: usize = 7;
 
 /// Cycles between two edges of time.
 pub struct CycleBin {
@@ -45,16 +48,20 @@ pub fn cycle_histograms(path: &Path, histograms: &[(&str, Vec<CycleBin>)]) -> an
         let color = COLORS[index % COLORS.len()];
         let outline = LinePlot::new().with_data(outline(bins)).with_color(color).with_stroke_width(1.4);
         plots.push(vec![Plot::from(outline)]);
-        let (from, to) = (least.min(most), 1.2 * most);
+        // From a power of ten on, so that the numbers begin where the curves do.
+        let from = 10_f64.powf(least.min(most).max(1e-3).log10().floor());
+        let (to, top) = (1.2 * most, 2.0 * highest);
         layouts.push(
-            Layout::new((from, to), (FLOOR, 2.0 * highest))
+            Layout::new((from, to), (FLOOR, top))
                 .with_log_scale()
+                .with_x_tick_format(numbers((from, to), CHARACTERS_MAX))
+                .with_y_tick_format(numbers((FLOOR, top), CHARACTERS_MAX))
                 .with_x_label(format!("{label} (us)"))
                 .with_y_label("cycles")
                 .with_x_axis_min(from)
                 .with_x_axis_max(to)
                 .with_y_axis_min(FLOOR)
-                .with_y_axis_max(2.0 * highest),
+                .with_y_axis_max(top),
         );
     }
     let figure = Figure::new(plots.len(), 1)
@@ -98,7 +105,16 @@ pub fn minutes(path: &Path, panels: &[MinutePanel]) -> anyhow::Result<()> {
             .with_x_axis_min(0.0)
             .with_x_axis_max(last);
         if panel.logarithmic {
-            layout = layout.with_log_y();
+            let values = panel.curves.iter().flat_map(|curve| &curve.points).map(|point| point.1);
+            let least = values.clone().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min);
+            let most = values.fold(0.0, f64::max).max(least);
+            let ends = if least.is_finite() { (least / 1.3, 1.3 * most) } else { (1.0, 10.0) };
+            let ends = with_two_numbers(ends);
+            layout = layout
+                .with_log_y()
+                .with_y_tick_format(numbers(ends, CHARACTERS_MAX))
+                .with_y_axis_min(ends.0)
+                .with_y_axis_max(ends.1);
         } else {
             let most = panel.curves.iter().flat_map(|curve| &curve.points);
             let most = most.fold(0.0, |most: f64, point| most.max(point.1));

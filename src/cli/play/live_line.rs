@@ -42,6 +42,15 @@ impl LiveLine {
         }
     }
 
+    /// Leaves nothing behind: what the line told of came to nothing.
+    pub fn erase(&mut self) {
+        if self.is_terminal && self.drawn.is_some() {
+            // As above.
+            let _ = write!(std::io::stderr(), "\r\x1b[2K");
+        }
+        (self.drawn, self.text) = (None, String::new());
+    }
+
     pub fn end(&mut self) {
         if self.is_terminal {
             // As above.

@@ -11,6 +11,8 @@ mod session;
 mod watched;
 
 pub use live_line::LiveLine;
+#[cfg(feature = "figures")]
+pub use report::fixed;
 pub use report::{table, timing_line};
 #[cfg(feature = "sim")]
 pub use session::Played;

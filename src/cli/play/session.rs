@@ -25,6 +25,8 @@ const REDRAW: Duration = Duration::from_millis(100);
 
 /// An experiment as it was played.
 pub struct Played {
+    /// Names of the magnets, base to tip.
+    pub magnets: Vec<String>,
     /// Every step, in order.
     pub steps: Vec<StepResponse>,
     /// True when steps were judged by the plant's true poses, false when by measured ones.
@@ -69,19 +71,20 @@ impl Session {
         rig: &HardwareDescription,
         stop: &StopFlag,
     ) -> anyhow::Result<Played> {
+        let magnets: Vec<String> = rig.magnets().map(|magnet| magnet.name.clone()).collect();
         let mut steps = Vec::new();
         for (index, step) in experiment.steps.iter().enumerate() {
             let asked = experiment.target(step, rig);
-            let (target, magnets) = (asked.directions, rig.magnets().count());
             self.send(target_request(&asked, rig), "target")?;
             let label = format!("step {}/{}", index + 1, experiment.steps.len());
-            let Some(response) = self.play_step(&label, (rig, &target[..magnets]), step, stop)? else {
+            let target = &asked.directions[..magnets.len()];
+            let Some(response) = self.play_step(&label, (rig, target), step, stop)? else {
                 break;
             };
             steps.push(response);
         }
         let timing = self.client.newest_status(Stamp::now()).map(|status| TimingSummary::of_status(&status));
-        Ok(Played { steps, judged_by_truth: self.truth.is_some(), timing })
+        Ok(Played { magnets, steps, judged_by_truth: self.truth.is_some(), timing })
     }
 
     /// Watches one step to its end; `None` when it was broken off.
@@ -120,7 +123,12 @@ impl Session {
             let of_this_step = status.header.source_stamp() > begin;
             let near_snap = status.cause == Cause::NearSnapThrough.code();
             if of_this_step && (status.target_verdict == verdict::REFUSED || near_snap) {
-                line.end();
+                // A refused step did not begin: there is nothing to show of it.
+                if status.target_verdict == verdict::REFUSED {
+                    line.erase()
+                } else {
+                    line.end()
+                }
                 let why = anyhow!("{label} was refused: {}", cause::text(status.cause));
                 return Err(Failure::with(Exit::No, why));
             }

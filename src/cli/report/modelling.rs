@@ -89,11 +89,15 @@ pub fn forces(run: &Run) -> Option<Sheet> {
     }
     let [with, without] = errors;
     let most = without.iter().chain(&with).flatten().fold(0.0_f64, |most, point| most.max(point.1));
-    let steps = run.steps.len() as f64;
+    let steps = run.steps.len();
+    // Ten numbers have room.
+    let number = |step: usize| {
+        if step.is_multiple_of(steps.div_ceil(10)) { (step + 1).to_string() } else { String::new() }
+    };
     let charts =
         run.magnets().iter().zip(with.into_iter().zip(without)).map(|(name, (with, without))| Chart {
             title: Some(name.clone()),
-            x: Axis::new("step").between(0.5, steps + 0.5),
+            x: Axis::new("step").named((0..steps).map(number)),
             y: Axis::new("model error (deg)").between(0.0, 1.1 * most.max(1e-3)),
             traces: vec![
                 Trace::new("torques and forces", Look::Dots(0), with),

@@ -5,13 +5,16 @@ use std::fmt::Write;
 use magsteer::daemon::{LatencySummary, latency_summary};
 
 use super::run::Run;
+use crate::cli::play::fixed;
 
 const STYLE: &str = "\
-body{font:16px/1.45 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#1a1a1a;background:#fff}\
+body{font:16px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#1a1a1a;background:#fff}\
 h1{font-size:1.6rem;margin-bottom:.2rem}h2{font-size:1.15rem;margin-top:2.2rem}\
 table{border-collapse:collapse;margin:.8rem 0}th,td{padding:.25rem .8rem .25rem 0;text-align:left;border-bottom:1px solid #ddd}\
-td{overflow-wrap:anywhere}.wide{overflow-x:auto}td.n{white-space:nowrap;text-align:right;font-variant-numeric:tabular-nums}figure{margin:1.5rem 0}\
-figure svg{width:100%;max-width:36rem;height:auto;display:block}figcaption{max-width:36rem;color:#444;font-size:.92rem}\
+td{overflow-wrap:anywhere}.wide{overflow-x:auto}td.n{white-space:nowrap;text-align:right;font-variant-numeric:tabular-nums}\
+.figures{columns:27rem 2;column-gap:2rem;margin:1.5rem 0}\
+figure{margin:0 0 1.5rem;break-inside:avoid}figure svg{width:100%;height:auto;display:block}figcaption{color:#444;font-size:.92rem}\
+th.n{text-align:right}@media(max-width:40rem){th,td{padding-right:.35rem;font-size:.72rem}td.n{white-space:normal}}\
 pre{background:#f5f5f5;padding:.8rem;overflow-x:auto;font-size:.85rem}details{margin:.6rem 0}.bad{color:#b00020;font-weight:600}";
 
 /// A figure on the page.
@@ -29,6 +32,11 @@ impl Figure {
     }
 }
 
+/// Figures side by side where there is room.
+pub fn side_by_side(figures: &str) -> String {
+    format!("<div class=\"figures\">\n{figures}</div>\n")
+}
+
 /// A page of its own.
 pub fn document(title: &str, body: &str) -> String {
     format!(
@@ -43,11 +51,10 @@ pub fn page(run: &Run, figures: &[Figure]) -> String {
     let mut text = format!("<p>{}</p>\n", escaped(&run.description));
     text += &summary(run);
     text += &steps(run);
-    for figure in figures {
-        text += &figure.html();
-    }
+    text += &side_by_side(&figures.iter().map(Figure::html).collect::<String>());
     text += &timing(run);
-    let events: String = run.events.iter().map(|event| format!("{}\n", escaped(event))).collect();
+    let events = run.events.iter().map(|event| format!("{:>10.3} s  {}\n", event.time, escaped(&event.text)));
+    let events: String = events.collect();
     // Writing to a string does not fail.
     let _ = writeln!(text, "<h2>Events</h2>\n<pre>{events}</pre>");
     document(&run.info.rig, &text)
@@ -63,11 +70,20 @@ fn summary(run: &Run) -> String {
     let whole = if counts.holes == 0 {
         "none".to_owned()
     } else {
-        format!("<span class=\"bad\">{}</span>", counts.holes)
+        format!("<span class=\"bad\">{} in {} holes</span>", counts.lost(), counts.holes)
     };
+    let missed = 100.0 * counts.missed as f64 / counts.periods().max(1) as f64;
+    let settled = run.steps.iter().filter(|step| step.response.settled_s.is_some()).count();
+    let all = if settled == run.steps.len() { "" } else { " class=\"bad\"" };
     let duration = run.samples.last().map_or(0.0, |sample| sample.time);
     let rows = [
+        row("begun", &began(&info.started)),
+        row("steps", &format!("<span{all}>{settled} of {} settled</span>", run.steps.len())),
         row("duration", &format!("{duration:.1} s, {} cycles at {} Hz", counts.cycles, info.rate_hz)),
+        row(
+            "periods missed by the loop",
+            &format!("{} of {} ({missed:.2} %)", counts.missed, counts.periods()),
+        ),
         row("cycles lost in the recording", &whole),
         row("magnets", &escaped(&info.magnets.join(", "))),
         row("coils", &escaped(&info.coils.join(", "))),
@@ -75,7 +91,16 @@ fn summary(run: &Run) -> String {
         row("configuration", &format!("SHA-256 {}", escaped(&info.config_sha256))),
         row("program", &escaped(&info.program)),
     ];
-    format!("<table>\n{}</table>\n", rows.concat())
+    format!("<div class=\"wide\"><table>\n{}</table></div>\n", rows.concat())
+}
+
+/// Date and time for people, of a time as RFC 3339 has it.
+fn began(started: &str) -> String {
+    let readable = started.split_once('T').and_then(|(date, time)| {
+        let clock = time.strip_suffix('Z')?.split('.').next()?;
+        Some(format!("{date} {clock} UTC"))
+    });
+    escaped(readable.as_deref().unwrap_or(started))
 }
 
 fn steps(run: &Run) -> String {
@@ -83,7 +108,7 @@ fn steps(run: &Run) -> String {
         return "<p>No target was steered to.</p>\n".to_owned();
     }
     let list = |values: &[f64], digits: usize| {
-        values.iter().map(|value| format!("{value:.digits$}")).collect::<Vec<_>>().join(", ")
+        values.iter().map(|value| fixed(*value, digits)).collect::<Vec<_>>().join(", ")
     };
     let rows: String = run
         .steps
@@ -99,16 +124,19 @@ fn steps(run: &Run) -> String {
                 index + 1,
                 step.begin,
                 list(&response.target_deg, 1),
-                list(&response.error_mean_deg, 2),
-                list(&response.error_rms_deg, 2),
+                list(&response.error_end_mean_deg, 2),
+                list(&response.error_end_rms_deg, 2),
                 response.current_max_a,
             )
         })
         .collect();
+    let of = escaped(&run.magnets().join(", "));
     format!(
-        "<h2>Steps</h2>\n<div class=\"wide\"><table><tr><th>step</th><th>begin (s)</th><th>target from z (deg)</th><th>settled after</th>\
-         <th>mean error (deg)</th><th>RMS error (deg)</th><th>current (A)</th></tr>\n{rows}</table></div>\n\
-         <p>Judged by measured tangents; settled: within 1 degree from then on, for 0.25 s at least; errors over the last second.</p>\n"
+        "<h2>Steps</h2>\n<div class=\"wide\"><table><tr><th class=\"n\">step</th><th class=\"n\">begin (s)</th><th>target {of}, from z (deg)</th><th class=\"n\">settled after</th>\
+         <th class=\"n\">error mean {of} (deg)</th><th class=\"n\">error RMS {of} (deg)</th><th class=\"n\">largest current (A)</th></tr>\n{rows}</table></div>\n\
+         <p>Judged by measured tangents, the sensor's noise included (<code>demo</code> and <code>target</code> judge a simulated rig by the \
+         plant's truth, and tell less). Settled: within 1 degree from then on, for 0.25 s at least. Errors over the last second, from the \
+         settling on at the earliest.</p>\n"
     )
 }
 
@@ -127,7 +155,8 @@ fn timing(run: &Run) -> String {
             })
             .collect();
     format!(
-        "<h2>Timing</h2>\n<table><tr><th>us</th><th>p50</th><th>p99</th><th>p99.9</th><th>p99.99</th><th>max</th></tr>\n{rows}</table>\n"
+        "<h2>Timing</h2>\n<div class=\"wide\"><table><tr><th>us</th><th class=\"n\">p50</th><th class=\"n\">p99</th><th class=\"n\">p99.9</th><th class=\"n\">p99.99</th><th class=\"n\">max</th></tr>\n{rows}</table></div>\n\
+         <p>Pose age: time since the exposure of the newest poses, in every cycle that had any.</p>\n"
     )
 }
 

@@ -11,6 +11,7 @@ use magsteer::recording::{Counts, Cycle, Info, Recording};
 use magsteer_hal::MAGNETS_MAX;
 use magsteer_hal::operator::state;
 
+use super::limits::Limits;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::runs::refused_recording;
 
@@ -33,8 +34,8 @@ pub struct Sample {
     pub angles: Vec<f64>,
     pub margin: f64,
     pub condition: f64,
-    /// Actuation parameters at a limit.
-    pub saturated: u32,
+    /// Most commanded currents and angles at a limit of value or rate in a cycle since the sample before.
+    pub at_limit: u32,
     pub steers: bool,
 }
 
@@ -52,7 +53,7 @@ pub struct Step {
 pub struct Times {
     pub lateness: Histogram<u64>,
     pub execution: Histogram<u64>,
-    /// From the exposure of fresh poses to the cycle that used them.
+    /// Age of the newest poses in each cycle that had any, as `magsteer run` tells it.
     pub pose_age: Histogram<u64>,
 }
 
@@ -63,13 +64,20 @@ impl Times {
     }
 }
 
+/// Something that happened.
+pub struct TimedEvent {
+    /// Since the recording began, s.
+    pub time: f64,
+    pub text: String,
+}
+
 /// What is known of a run.
 pub struct Run {
     pub info: Info,
     pub description: String,
     pub config: Config,
     pub counts: Counts,
-    pub events: Vec<String>,
+    pub events: Vec<TimedEvent>,
     pub samples: Vec<Sample>,
     pub steps: Vec<Step>,
     pub times: Times,
@@ -86,7 +94,8 @@ impl Run {
         let config = Config::from_document(&Document::from_text(name, recording.config_text())?)?;
         let info = recording.info().clone();
         let counts = recording.counts().map_err(refused_recording)?;
-        let mut gathered = Gathered::new(&info, counts.cycles);
+        let limits = Limits::of(&config);
+        let mut gathered = Gathered::new(&info, counts.cycles, limits);
         for cycle in recording.cycles().map_err(refused_recording)? {
             gathered.take(&cycle.map_err(refused_recording)?);
         }
@@ -95,8 +104,12 @@ impl Run {
             let message = anyhow!("{}: holds no cycle", recording.path().display());
             return Err(Failure::with(Exit::Data, message));
         }
-        let events =
-            recording.events().map_err(refused_recording)?.into_iter().map(|event| event.text).collect();
+        let begin_ns = counts.first_ns.saturating_add(info.wall_offset_ns);
+        let events = recording.events().map_err(refused_recording)?.into_iter().map(|event| TimedEvent {
+            time: event.wall_ns.saturating_sub(begin_ns) as f64 * 1e-9,
+            text: event.text,
+        });
+        let events = events.collect();
         Ok(Self {
             description: recording.description().to_owned(),
             counts,
@@ -131,10 +144,13 @@ struct Gathered {
     steps: Vec<Step>,
     under: Option<Under>,
     times: Times,
+    limits: Limits,
+    /// The most at a limit since the last sample.
+    at_limit: u32,
 }
 
 impl Gathered {
-    fn new(info: &Info, cycles: u64) -> Self {
+    fn new(info: &Info, cycles: u64, limits: Limits) -> Self {
         let by_rate = (info.rate_hz / SHOWN_HZ).ceil().max(1.0) as u64;
         Self {
             stride: by_rate.max(cycles.div_ceil(SAMPLES_MAX)),
@@ -145,6 +161,8 @@ impl Gathered {
             steps: Vec::new(),
             under: None,
             times: Times::new(),
+            limits,
+            at_limit: 0,
         }
     }
 
@@ -153,9 +171,10 @@ impl Gathered {
         self.time = cycle.now_ns.saturating_sub(first) as f64 * 1e-9;
         self.times.lateness.saturating_record(cycle.lateness_ns);
         self.times.execution.saturating_record(cycle.execution_ns);
-        if cycle.pose_fresh == 1 {
+        if cycle.pose_received == 1 {
             self.times.pose_age.saturating_record(cycle.now_ns.saturating_sub(cycle.pose_stamp_ns));
         }
+        self.at_limit = self.at_limit.max(self.limits.reached(cycle));
         self.take_step(cycle);
         if self.count.is_multiple_of(self.stride) {
             self.samples.push(Sample {
@@ -167,7 +186,7 @@ impl Gathered {
                 angles: cycle.measured_rad.clone(),
                 margin: cycle.stability_margin,
                 condition: cycle.condition,
-                saturated: cycle.saturated,
+                at_limit: std::mem::take(&mut self.at_limit),
                 steers: cycle.engaged == 1,
             });
         }

@@ -5,7 +5,7 @@ use magsteer::rod::Station;
 use nalgebra::Vector3;
 
 use super::run::{Run, Sample, Step};
-use crate::cli::figures::{Axis, Chart, Look, Sheet, Trace};
+use crate::cli::figures::{Axis, Chart, GREY, Look, Sheet, Trace};
 use crate::cli::model_shapes::Shapes;
 
 pub(super) const DESIRED: Look = Look::Dashed(6);
@@ -112,7 +112,7 @@ pub fn views(run: &Run) -> Option<Sheet> {
     }
     align(&mut charts, sides.len());
     let left_out = run.steps.len().saturating_sub(shown);
-    let rest = if left_out > 0 { format!(" {left_out} more steps are not drawn.") } else { String::new() };
+    let rest = if left_out > 0 { format!(" Not drawn: {left_out} more.") } else { String::new() };
     (!charts.is_empty()).then(|| Sheet {
         name: "views",
         caption: format!(
@@ -141,7 +141,7 @@ fn view(shapes: &Shapes<'_>, step: &Step, index: usize, [right, up]: [usize; 2])
         Trace::new("target", Look::Dashed(1), ends.to_vec())
     });
     let line = stations.iter().map(|station| point(&station.position)).collect();
-    let mut traces = vec![Trace::new("flexible section", Look::Wide(7, 2.5), line)];
+    let mut traces = vec![Trace::new("flexible section", Look::Wide(GREY, 2.5), line)];
     traces.extend(magnets);
     traces.extend(targets);
     let angles: Vec<String> =

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use magsteer::daemon::recorder::{Flight, tangent_deg};
 
-use crate::cli::figures::{Curve, Panel, Stroke, stacked};
+use crate::cli::figures::{Curve, GREY, Panel, Stroke, stacked};
 
 /// Points of a curve: more than a picture has pixels across. Peaks of lateness between them are kept.
 const POINTS: usize = 2_000;
@@ -33,7 +33,7 @@ pub fn draw(path: &Path, flight: &Flight, around: Option<f64>) -> anyhow::Result
                 curve("measured", Stroke::Color(0), &angle("measured")),
                 curve("predicted", Stroke::Color(1), &angle("predicted")),
                 curve("desired", Stroke::Color(6), &angle("desired")),
-                curve("target", Stroke::Dashed(7), &angle("target")),
+                curve("target", Stroke::Dashed(GREY), &angle("target")),
             ],
         });
     }

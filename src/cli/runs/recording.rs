@@ -91,8 +91,8 @@ pub fn is_recording(path: &Path) -> bool {
     path.is_dir() || path.extension().is_some_and(|extension| extension == "mcap")
 }
 
-/// The stable keys are `rig`, `rate_hz`, `description`, `cycles`, `duration_s`, `holes`, `whole`,
-/// `is_complete` and `events`.
+/// The stable keys are `rig`, `rate_hz`, `description`, `cycles`, `missed`, `lost`, `duration_s`, `holes`,
+/// `whole`, `is_complete` and `events`.
 #[derive(Serialize)]
 struct Answer<'a> {
     file: &'a Path,
@@ -109,6 +109,10 @@ struct Answer<'a> {
     cycles: u64,
     first_cycle: u64,
     last_cycle: u64,
+    /// Periods that the loop missed: together with `cycles` and `lost` those from the first to the last.
+    missed: u64,
+    /// Cycles that the recording has not.
+    lost: u64,
     duration_s: f64,
     holes: u64,
     damaged: u64,
@@ -174,6 +178,8 @@ fn answer<'a>(recording: &'a Recording, counts: &Counts, events: &'a [Event]) ->
         cycles: counts.cycles,
         first_cycle: counts.first_number,
         last_cycle: counts.last_number,
+        missed: counts.missed,
+        lost: counts.lost(),
         duration_s: duration_s(counts),
         holes: counts.holes,
         damaged: counts.damaged,
@@ -208,11 +214,14 @@ fn words(recording: &Recording, counts: &Counts, events: &[Event]) -> String {
         (Ending::Whole, _) => "not every cycle of the run".to_owned(),
     };
     text += &format!(
-        "{} cycles, {} to {}, {:.3} s, {} holes; {state}\n",
+        "{} cycles in the {} periods {} to {}, {:.3} s; {} periods missed by the loop, {} cycles lost in {} holes; {state}\n",
         counts.cycles,
+        counts.periods(),
         counts.first_number,
         counts.last_number,
         duration_s(counts),
+        counts.missed,
+        counts.lost(),
         counts.holes
     );
     let skipped = events.len().saturating_sub(EVENTS);

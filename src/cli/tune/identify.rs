@@ -40,7 +40,11 @@ const DRAW_EVERY: Duration = Duration::from_millis(100);
 /// data; what the data do not tell stays where it was and is named. Noise that is not stated is estimated
 /// from what the fit leaves. "deviation" is the standard deviation for noise that is independent and alike
 /// everywhere; "by samples" is that from how much the samples disagree, and greater where the model misses
-/// something. Ends with 0; 1 when the search did not end; 65 when the data are refused, with line, column,
+/// something. An outlier is a reading (tangent or position of a magnet in a sample) that lies beyond
+/// --outlier-sigma deviations of the noise; it still pulls, with no more than so many. Chi-square is the sum of
+/// squares of what is left, in deviations: about the degrees of freedom when the model explains the data, and
+/// the root of their ratio is how many times the noise is left. Outliers and a ratio above 1 mean that the model
+/// misses something, not that the search failed: the verdict says which. Ends with 0; 1 when the search did not end; 65 when the data are refused, with line, column,
 /// value and what would be right.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
@@ -50,7 +54,8 @@ const DRAW_EVERY: Duration = Duration::from_millis(100);
     magsteer tune identify rig.toml a.csv b.csv --prior-base-mm 1 --prior-base-deg 1 --noise-orientation-deg 0.2 --json\n\n\
     --out writes a file that extends FILE, states where its numbers come from and can stand in its place. A prior of 0\n\
     holds its parameters. JSON: parameters[].{name, unit, nominal, estimate, standard_deviation,\n\
-    standard_deviation_between_samples, moved_prior_sigma, posterior_over_prior}, noise, rms, chi_square, degrees_of_freedom, outliers, undetermined, correlation.")]
+    standard_deviation_between_samples, moved_prior_sigma, posterior_over_prior}, noise, rms, chi_square, degrees_of_freedom, residual_over_noise,\n\
+    readings, outliers, undetermined, correlation, verdict.")]
 pub struct Identify {
     /// Configuration of the rig (TOML), with its nominal parameters.
     #[arg(value_name = "FILE")]

@@ -1,5 +1,6 @@
 //! What `magsteer tune identify` found, as JSON and as a table.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use magsteer::control::identification::{
@@ -9,6 +10,7 @@ use magsteer_hal::config::{HardwareConfig, PartConfig};
 use serde::Serialize;
 
 use super::identify::Subject;
+use super::verdict::Evidence;
 
 /// Outliers that the table names.
 const OUTLIERS_SHOWN: usize = 5;
@@ -26,15 +28,21 @@ pub(super) struct Answer {
     rms: RmsAnswer,
     chi_square: f64,
     degrees_of_freedom: f64,
+    /// Root of chi-square over the degrees of freedom: 1 when the model explains the data.
+    residual_over_noise: f64,
+    /// Tangents and positions that were measured.
+    readings: usize,
     outliers: Vec<OutlierAnswer>,
     /// Samples for which the model has no stable equilibrium, by file and line.
     lost: Vec<String>,
     undetermined: Vec<UndeterminedAnswer>,
     data: Vec<DataAnswer>,
     files: Vec<PathBuf>,
+    /// What it came to, in words, a line each.
+    verdict: Vec<String>,
 }
 
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub(super) struct ParameterAnswer {
     pub name: String,
     pub unit: &'static str,
@@ -105,7 +113,7 @@ impl Answer {
         let (before, after) = (found.rms_before, found.rms_after);
         let degrees = |rms: Rms| rms.angle.map(f64::to_degrees);
         let millimetres = |rms: Rms| rms.distance.map(|distance| distance * 1e3);
-        Self {
+        let mut answer = Self {
             converged: found.converged,
             iterations: found.iterations,
             samples: subject.samples.len(),
@@ -125,6 +133,8 @@ impl Answer {
             },
             chi_square: found.chi_square,
             degrees_of_freedom: found.degrees_of_freedom,
+            residual_over_noise: 0.0,
+            readings: readings(subject, found),
             outliers: found.outliers.iter().map(outlier).collect(),
             lost: found.lost.iter().map(|sample| subject.place(*sample)).collect(),
             undetermined: found
@@ -141,6 +151,27 @@ impl Answer {
                 .map(|(file, sha256)| DataAnswer { file: file.clone(), sha256: sha256.clone() })
                 .collect(),
             files: out.map(Path::to_path_buf).into_iter().collect(),
+            verdict: Vec::new(),
+        };
+        let evidence = answer.evidence(found, request);
+        (answer.residual_over_noise, answer.verdict) = (evidence.residual_over_noise(), evidence.verdict());
+        answer
+    }
+
+    fn evidence(&self, found: &Identified, request: &IdentifyRequest) -> Evidence<'_> {
+        let samples: BTreeSet<usize> = found.outliers.iter().map(|outlier| outlier.sample).collect();
+        Evidence {
+            converged: self.converged,
+            parameters: &self.parameters,
+            angle_deg: [self.rms.angle_before_deg, self.rms.angle_after_deg],
+            chi_square: self.chi_square,
+            degrees_of_freedom: self.degrees_of_freedom,
+            is_noise_estimated: self.noise.orientation_estimated && self.noise.position_estimated,
+            readings: self.readings,
+            outliers: self.outliers.len(),
+            outlier_samples: samples.len(),
+            outlier_sigma: request.outlier_sigma,
+            undetermined: self.undetermined.iter().map(|direction| direction.parts.as_slice()).collect(),
         }
     }
 
@@ -159,7 +190,7 @@ impl Answer {
             );
         }
         if !self.outliers.is_empty() {
-            text += &format!("{} outliers", self.outliers.len());
+            text += &format!("{} outliers of {} readings", self.outliers.len(), self.readings);
             for outlier in self.outliers.iter().take(OUTLIERS_SHOWN) {
                 text += &format!(
                     "; {}: {} of {} by {:.1} sigma",
@@ -170,6 +201,9 @@ impl Answer {
         }
         for file in &self.files {
             text += &format!("written: {}\n", file.display());
+        }
+        for line in &self.verdict {
+            text += &format!("{line}\n");
         }
         text
     }
@@ -215,6 +249,13 @@ impl Answer {
             self.degrees_of_freedom
         )
     }
+}
+
+/// Tangents and positions of magnets that were seen, in the samples that were used.
+fn readings(subject: &Subject, found: &Identified) -> usize {
+    let used = subject.samples.iter().enumerate().filter(|(index, _)| !found.lost.contains(index));
+    let magnets = used.flat_map(|(_, sample)| sample.magnets.iter().flatten());
+    magnets.map(|reading| 1 + usize::from(reading.position.is_some())).sum()
 }
 
 /// Every parameter in the units that people write.

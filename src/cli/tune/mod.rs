@@ -5,6 +5,7 @@ mod excite;
 mod identify;
 mod identify_answer;
 mod overlay;
+mod verdict;
 
 use clap::{Args, Subcommand};
 

@@ -8,7 +8,7 @@ use super::figures::{sheets, shown, sorted};
 use super::runs::{CampaignRuns, RunOutcome};
 use crate::cli::campaign::RunRow;
 use crate::cli::exit::cannot_create;
-use crate::cli::report::page::{Figure, document, escaped, row};
+use crate::cli::report::page::{Figure, document, escaped, row, side_by_side};
 
 /// Makes every figure of a campaign and the page with all of them in a folder; returns their paths, the page's first.
 ///
@@ -23,7 +23,7 @@ pub fn write(campaign: &CampaignRuns, folder: &Path) -> anyhow::Result<Vec<PathB
         files.extend(written);
         figures += &Figure { name: sheet.name, caption: sheet.caption, svg }.html();
     }
-    let body = [summary(campaign), figures, common(campaign), failures(campaign)].concat();
+    let body = [summary(campaign), side_by_side(&figures), common(campaign), failures(campaign)].concat();
     let title = format!("Campaign with {}", campaign.rig);
     std::fs::write(&file, document(&title, &body)).map_err(|error| cannot_create(&file, &error))?;
     Ok(files)
@@ -61,7 +61,7 @@ fn summary(campaign: &CampaignRuns) -> String {
         row("configuration", &format!("SHA-256 {}", escaped(&manifest.config_sha256))),
         row("program", &format!("magsteer {}", escaped(&manifest.version))),
     ];
-    format!("<table>\n{}</table>\n", table.concat())
+    format!("<div class=\"wide\"><table>\n{}</table></div>\n", table.concat())
 }
 
 /// Where failed runs lie among all, draw by draw.
@@ -124,6 +124,6 @@ fn failures(campaign: &CampaignRuns) -> String {
         .collect();
     format!(
         "<h2>Failed runs</h2>\n<p>Below each, the command that plays it again and compares it bit for bit.</p>\n<div class=\"wide\"><table><tr><th>run</th>\
-         <th>outcome</th><th>steps settled</th><th>error RMS (deg)</th><th>swing (deg)</th><th>current (A)</th><th>ended</th></tr>\n{lines}</table></div>\n"
+         <th>outcome</th><th>steps settled</th><th>error RMS (deg)</th><th>swing (deg)</th><th>largest current (A)</th><th>ended</th></tr>\n{lines}</table></div>\n"
     )
 }
