@@ -36,6 +36,7 @@ impl LiveLine {
     }
 
     /// Tells something worth a line of its own where none is drawn over.
+    #[cfg(feature = "sim")]
     pub fn milestone(&self, text: impl FnOnce() -> String) {
         if !self.is_terminal {
             output::note(text());
