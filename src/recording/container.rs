@@ -9,8 +9,8 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use mcap::read::ChunkReader;
 use mcap::records::{Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, parse_record};
 
 use super::error::RecordingError;
@@ -86,16 +86,14 @@ impl Records {
                 return Ok(None);
             };
             self.at += 9 + body.len() as u64;
-            match parse_record(code, &body) {
-                Ok(Record::Chunk { header, data }) => {
-                    let unpacked = ChunkReader::new(header, &data).and_then(|records| {
-                        records.map(|record| record.map(Record::into_owned)).collect::<Result<Vec<_>, _>>()
-                    });
-                    match unpacked {
-                        Ok(records) => self.unpacked.extend(records.into_iter().rev()),
-                        Err(_) => self.damaged += 1,
-                    }
+            if code == op::CHUNK {
+                match unpacked(&body) {
+                    Some(records) => self.unpacked.extend(records.into_iter().rev()),
+                    None => self.damaged += 1,
                 }
+                continue;
+            }
+            match parse_record(code, &body) {
                 Ok(Record::Footer(_)) => {
                     self.ending = Some(Ending::Whole);
                     return Ok(None);
@@ -135,6 +133,33 @@ impl Records {
     pub fn damaged(&self) -> u64 {
         self.damaged
     }
+}
+
+/// The records of a chunk; `None` when one is not whole. Its checksum is looked at before any record: a length within a
+/// damaged one may be anything, and memory of that length would be asked for.
+fn unpacked(body: &[u8]) -> Option<Vec<Record<'static>>> {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(RECORD_MAX as usize);
+    let mut reader = LinearReader::new_with_options(options);
+    let head = [&[op::CHUNK][..], &(body.len() as u64).to_le_bytes()].concat();
+    let mut rest = head.as_slice().chain(body);
+    let mut records = Vec::new();
+    while let Some(event) = reader.next_event() {
+        match event.ok()? {
+            LinearReadEvent::ReadRequest(length) => {
+                // Nothing read means the end.
+                let read = rest.read(reader.insert(length.min(head.len() + body.len()))).ok()?;
+                reader.notify_read(read);
+            }
+            LinearReadEvent::Record { data, opcode } => {
+                records.push(parse_record(opcode, data).ok()?.into_owned());
+            }
+        }
+    }
+    Some(records)
 }
 
 /// Reads until `bytes` is full or the file ends; how many were read.
