@@ -172,6 +172,34 @@ fn a_damaged_chunk_is_a_hole_and_not_the_end() {
     assert_eq!((counts.missed, counts.lost()), (0, cycles.len() as u64 - counts.cycles));
 }
 
+/// Goal: whichever bit of a chunk is wrong, it is that chunk that is lost. A wrong bit in compressed data becomes a wrong length
+/// of a record, for which no memory is asked.
+#[test]
+fn any_wrong_bit_costs_its_chunk_and_nothing_else() {
+    let subject = planar();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("recording.mcap");
+    let (cycles, flushes) = recorded(&subject, &file);
+    let whole = fs::read(&file).expect("the recording");
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(20_261_123);
+    // Of the begin of the second piece: a chunk, its head aside. A bit that decides nothing may be wrong unnoticed.
+    let mut damaged = 0;
+    let [begin, end] = [flushes[0].0, flushes[1].0].map(|at| usize::try_from(at).expect("small"));
+    let range = begin + 200..begin + (end - begin) / 4;
+    for _ in 0..150 {
+        let (at, bit) = (random.random_range(range.clone()), random.random_range(0..8));
+        let mut bytes = whole.clone();
+        bytes[at] ^= 1 << bit;
+        fs::write(&file, &bytes).expect("room");
+        let counts = Recording::open(&file).expect("its head is whole").counts().expect("readable");
+        assert_eq!((counts.holes, counts.ending), (counts.damaged, Ending::Whole), "bit {bit} of byte {at}");
+        assert_eq!(counts.damaged == 0, counts.lost() == 0, "bit {bit} of byte {at}");
+        damaged += counts.damaged;
+        assert_eq!(counts.cycles + counts.lost(), cycles.len() as u64);
+    }
+    assert!(damaged > 50, "most bits decide something: {damaged}");
+}
+
 #[test]
 fn files_that_are_no_recordings_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -106,7 +106,8 @@ fn pick(name: &str, fields: &mut [Chosen]) -> Result<(), UnknownColumn> {
     }
     let columns = fields.iter().flat_map(|field| &field.columns).map(String::as_str);
     let known: Vec<&str> = fields.iter().map(|field| field.field.name).chain(columns).collect();
-    Err(UnknownColumn { name: name.to_owned(), nearest: nearest(name, &known).map(str::to_owned) })
+    let meant = nearest(name, &known).filter(|_| !name.is_empty());
+    Err(UnknownColumn { name: name.to_owned(), nearest: meant.map(str::to_owned) })
 }
 
 /// Entries of a field in a recording.
