@@ -15,7 +15,7 @@ pub struct BoundedReport {
     pub converged: bool,
     /// Changes of the active set.
     pub iterations: u32,
-    /// Unknowns at a bound.
+    /// Unknowns at a bound, but for those whose bounds leave them no room.
     pub at_bound: u32,
 }
 
@@ -93,7 +93,7 @@ impl BoundedLeastSquares {
         for iterations in 0..iterations_max {
             self.collect_free();
             if !self.minimise_over_free() {
-                return self.report(false, iterations);
+                return self.report(problem, false, iterations);
             }
             if let Some(blocked) = self.advance(problem) {
                 self.side[blocked.0] = blocked.1;
@@ -101,14 +101,17 @@ impl BoundedLeastSquares {
             }
             match self.worst_held() {
                 Some(index) => self.side[index] = Side::Free,
-                None => return self.report(true, iterations),
+                None => return self.report(problem, true, iterations),
             }
         }
-        self.report(false, iterations_max)
+        self.report(problem, false, iterations_max)
     }
 
-    fn report(&self, converged: bool, iterations: u32) -> BoundedReport {
-        let at_bound = self.side.iter().filter(|side| **side != Side::Free).count() as u32;
+    fn report(&self, problem: &BoundedProblem<'_>, converged: bool, iterations: u32) -> BoundedReport {
+        let bounds = problem.lower.iter().zip(problem.upper);
+        let is_at_bound =
+            |(side, (lower, upper)): &(&Side, (&f64, &f64))| **side != Side::Free && lower < upper;
+        let at_bound = self.side.iter().zip(bounds).filter(is_at_bound).count() as u32;
         BoundedReport { converged, iterations, at_bound }
     }
 

@@ -125,6 +125,19 @@ fn increments_never_leave_the_box_of_value_and_rate() {
     assert!(at_limits > 10_000, "the wishes must meet limits: {at_limits}");
 }
 
+/// Goal: frames that may not move excuse nothing; that of the parameters which may, none is at a limit is seen beside them.
+#[test]
+fn held_frames_count_as_no_parameters_at_a_limit() {
+    let mut random = seeded(12);
+    let mut bench = Bench::new(AllocationKind::Bounded, FrameUse::Hold);
+    for _ in 0..100 {
+        let jacobian = bench.jacobian(&mut random);
+        let step = numbers(ROWS, 1e-9, &mut random);
+        let (_, saturated) = bench.allocate(&jacobian, &step, &Actuation::default(), 0.1);
+        assert_eq!(saturated, 0);
+    }
+}
+
 /// Goal: where no limit is met the step is reached, but for what damping takes. With singular values `s_i` of the scaled
 /// Jacobian, damping `d` leaves the share `d / (s_i^2 + d)` of each component of the step.
 #[test]
