@@ -69,7 +69,7 @@ pub fn margins(run: &Run) -> Sheet {
     Sheet {
         name: "margins",
         caption: "While steering: margin of stability (1 at rest, 0 where the rod snaps through; grey: where the loop holds), condition of the \
-                  scaled Jacobian, and how many commanded currents and frame angles were at a limit of value or rate at once; frames that are held \
+                  scaled Jacobian, and how many currents and frame angles were at a limit of value or rate at once; frames that are held \
                   are at none."
             .to_owned(),
         columns: 1,

@@ -1,13 +1,12 @@
 //! `magsteer report`: the figures of a recorded run or of a campaign, as pictures, tables and one page.
 //!
-//! `run` reads a recording into what figures need (`limits`: what was at a limit); `steering` (angles, views), `modelling` (field, forces) and `health` (currents,
+//! `run` reads a recording into what figures need; `steering` (angles, views), `modelling` (field, forces) and `health` (currents,
 //! margins, timing) make sheets of it; `page` puts them together. `campaign` does the same for a campaign.
 
 #[cfg(feature = "sim")]
 mod campaign;
 mod command;
 mod health;
-mod limits;
 mod modelling;
 mod page;
 mod run;

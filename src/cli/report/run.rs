@@ -11,7 +11,6 @@ use magsteer::recording::{Counts, Cycle, Info, Recording};
 use magsteer_hal::MAGNETS_MAX;
 use magsteer_hal::operator::state;
 
-use super::limits::Limits;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::runs::refused_recording;
 
@@ -34,7 +33,7 @@ pub struct Sample {
     pub angles: Vec<f64>,
     pub margin: f64,
     pub condition: f64,
-    /// Most commanded currents and angles at a limit of value or rate in a cycle since the sample before.
+    /// Most currents and angles at a limit of value or rate in a cycle since the sample before.
     pub at_limit: u32,
     pub steers: bool,
 }
@@ -94,8 +93,7 @@ impl Run {
         let config = Config::from_document(&Document::from_text(name, recording.config_text())?)?;
         let info = recording.info().clone();
         let counts = recording.counts().map_err(refused_recording)?;
-        let limits = Limits::of(&config);
-        let mut gathered = Gathered::new(&info, counts.cycles, limits);
+        let mut gathered = Gathered::new(&info, counts.cycles);
         for cycle in recording.cycles().map_err(refused_recording)? {
             gathered.take(&cycle.map_err(refused_recording)?);
         }
@@ -144,13 +142,12 @@ struct Gathered {
     steps: Vec<Step>,
     under: Option<Under>,
     times: Times,
-    limits: Limits,
     /// The most at a limit since the last sample.
     at_limit: u32,
 }
 
 impl Gathered {
-    fn new(info: &Info, cycles: u64, limits: Limits) -> Self {
+    fn new(info: &Info, cycles: u64) -> Self {
         let by_rate = (info.rate_hz / SHOWN_HZ).ceil().max(1.0) as u64;
         Self {
             stride: by_rate.max(cycles.div_ceil(SAMPLES_MAX)),
@@ -161,7 +158,6 @@ impl Gathered {
             steps: Vec::new(),
             under: None,
             times: Times::new(),
-            limits,
             at_limit: 0,
         }
     }
@@ -174,7 +170,7 @@ impl Gathered {
         if cycle.pose_received == 1 {
             self.times.pose_age.saturating_record(cycle.now_ns.saturating_sub(cycle.pose_stamp_ns));
         }
-        self.at_limit = self.at_limit.max(self.limits.reached(cycle));
+        self.at_limit = self.at_limit.max(cycle.saturated);
         self.take_step(cycle);
         if self.count.is_multiple_of(self.stride) {
             self.samples.push(Sample {
