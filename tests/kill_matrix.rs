@@ -332,8 +332,8 @@ fn daemon_whose_output_nobody_reads_steers_on_and_ends_at_zero_current() {
     operator.steer();
     drop(child.stdin.take());
     let code = until(|| child.try_wait().expect("a child"), || "it goes on".to_owned()).code();
-    // Sysexits' EX_IOERR for the report that nobody read.
-    assert_eq!(code, Some(74));
+    // Asked to end by its closed input, it did: a report that nobody wanted to read is no failure.
+    assert_eq!(code, Some(0));
     came_to_zero(&world, &plant.end());
 }
 

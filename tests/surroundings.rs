@@ -179,6 +179,8 @@ fn who_steers_does_not_mind_that_nobody_takes_its_output() {
 
 /// Goal: `magsteer ... | head` is no failure of any command: nothing is said, and the code is that of an
 /// answer that was read to its end. Where the answer is the code, it stays.
+///
+/// Proves SR-29.
 #[test]
 fn a_reader_that_has_enough_ends_a_command_quietly() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -78,7 +78,7 @@ fn scripts_and_streams_steer_a_running_rig_and_bad_ones_move_nothing() {
         let rms = |key: &str| step[key][magnet].as_f64().expect("a number");
         assert!(rms("error_end_rms_deg") < 1.0 && rms("error_end_rms_deg") <= rms("error_rms_deg"), "{step}");
     }
-    assert!(said(&settled).contains(" of 80.0 deg"), "each magnet by its name: {}", said(&settled));
+    assert!(said(&settled).contains("of  80.0 deg, m2 "), "each magnet by its name: {}", said(&settled));
 
     // Of a step that did not begin nothing is told but why.
     let refused = output(target(&world, &["set", "m1=10deg", "m2=170deg", "--wait", "settled"]));

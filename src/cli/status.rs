@@ -1,15 +1,18 @@
 //! `magsteer status`: what the daemon does.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use clap::Args;
-use magsteer::daemon::TimingSummary;
 use magsteer::daemon::target::angle_from_z_deg;
+use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::Stamp;
+use magsteer_hal::channels::OperatorClient;
 use magsteer_hal::operator::{StatusMessage, cause, recorder, safe_action, state, verdict};
 use serde::Serialize;
 
+use super::ending::{exit_of, watching};
 use super::exit::{Exit, Failure};
 use super::operator::connect;
 use super::output;
@@ -25,7 +28,7 @@ const MEASURED_AGE_MAX_US: f64 = 200e3;
 
 /// Show what the daemon of a rig does.
 ///
-/// Ends with 0, or with 69 when no daemon publishes its status.
+/// Ends with 0, with 69 when no daemon publishes its status, with 130 after Ctrl-C.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  magsteer status --json")]
 pub struct Status {
@@ -119,24 +122,37 @@ struct Answer {
 impl Status {
     pub fn run(&self) -> anyhow::Result<Exit> {
         let mut client = connect(&self.rig, self.file.as_deref())?;
-        loop {
-            let status = await_status(&mut client)?;
-            let age = Stamp::now().since(Stamp::from_nanoseconds(status.header.publish_stamp_ns));
-            if age > STATUS_AGE_MAX {
-                let message = anyhow::anyhow!("the last status is {:.1} s old", age.as_secs_f64());
-                return Err(Failure::with(Exit::Unavailable, message));
-            }
-            let answer = Answer { distant: client.is_distant(), ..Answer::new(&status) };
-            if self.json {
-                output::json(&answer)?;
-            } else {
-                output::result(answer.text(&self.names(&status)))?;
-            }
-            if !self.watch {
-                return Ok(Exit::Success);
-            }
+        if !self.watch {
+            self.show(&mut client)?;
+            return Ok(Exit::Success);
+        }
+        let stop = Arc::new(StopFlag::new());
+        watching(&stop, false, || (), || self.follow(&mut client, &stop))?
+    }
+
+    fn follow(&self, client: &mut OperatorClient, stop: &StopFlag) -> anyhow::Result<Exit> {
+        while stop.requested().is_none() {
+            self.show(client)?;
             std::thread::sleep(WATCH_PERIOD);
         }
+        Ok(exit_of(stop))
+    }
+
+    /// Prints the newest status.
+    fn show(&self, client: &mut OperatorClient) -> anyhow::Result<()> {
+        let status = await_status(client)?;
+        let age = Stamp::now().since(Stamp::from_nanoseconds(status.header.publish_stamp_ns));
+        if age > STATUS_AGE_MAX {
+            let message = anyhow::anyhow!("the last status is {:.1} s old", age.as_secs_f64());
+            return Err(Failure::with(Exit::Unavailable, message));
+        }
+        let answer = Answer { distant: client.is_distant(), ..Answer::new(&status) };
+        if self.json {
+            output::json(&answer)?;
+        } else {
+            output::result(answer.text(&self.names(&status)))?;
+        }
+        Ok(())
     }
 }
 

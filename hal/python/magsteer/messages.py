@@ -299,7 +299,7 @@ class StatusMessage(ctypes.Structure):
 
     @staticmethod
     def type_name() -> str:
-        return "magsteer_status_v4"
+        return "magsteer_status_v5"
 
 
 # Size of each structure and offset of each field as Rust has them.
