@@ -259,14 +259,15 @@ impl Reader {
 
     /// Ctrl-C in every terminal, the last one first.
     fn interrupts(&mut self) {
+        let (signal, expected) = if is_in_background() { (Signal::TERM, 143) } else { (Signal::INT, 130) };
         while let Some((line, mut child)) = self.kept.pop() {
             // What ended before its time has said so.
-            let _ = kill_process(Pid::from_child(&child), Signal::INT);
+            let _ = kill_process(Pid::from_child(&child), signal);
             let ended = until(|| child.try_wait().expect("a child"), || format!("`{line}` runs on"));
             let log = fs::read_to_string(self.folder.join(format!("terminal-{}.log", self.kept.len())));
             // A shell says of one that a signal ended 128 and the signal's number.
             let code = ended.code().or_else(|| Some(128 + ended.signal()?));
-            assert_eq!(code, Some(130), "`{line}`:\n{}", log.unwrap_or_default());
+            assert_eq!(code, Some(expected), "`{line}`:\n{}", log.unwrap_or_default());
         }
     }
 
@@ -298,6 +299,14 @@ impl Drop for Reader {
             let _ = child.wait();
         }
     }
+}
+
+/// True where this test was started in the background of a script: interrupts are ignored then, and by all that it starts.
+fn is_in_background() -> bool {
+    let status = fs::read_to_string("/proc/self/status").expect("proc(5)");
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).expect("proc(5)");
+    let ignored = u64::from_str_radix(ignored.trim(), 16).expect("a mask");
+    ignored & 1 << (Signal::INT.as_raw() - 1) != 0
 }
 
 fn said(output: &Output) -> String {
