@@ -3,7 +3,7 @@
 
 #![cfg(all(feature = "sim", feature = "record", feature = "mpem"))]
 
-#[path = "fuzz/entry_points.rs"]
+#[path = "fuzz/entry_points/mod.rs"]
 mod entry_points;
 
 use std::fs;

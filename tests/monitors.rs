@@ -71,7 +71,7 @@ impl Step for Controller {
         match self.mind {
             Mind::Sound => outcome,
             Mind::Frozen => *self.kept.get_or_insert(outcome),
-            Mind::Idle => CycleOutcome { request: input.admitted, saturated: 0, ..outcome },
+            Mind::Idle => CycleOutcome { request: input.admitted, ..outcome },
         }
     }
 }

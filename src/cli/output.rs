@@ -42,6 +42,13 @@ pub fn told(told: anyhow::Result<()>) -> anyhow::Result<()> {
     told.or_else(|error| if is_reader_gone(&error) { Ok(()) } else { Err(error) })
 }
 
+/// A number with so many digits behind the point; what rounds to zero has no sign.
+pub fn fixed(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
+    if is_zero { text.trim_start_matches('-').to_owned() } else { text }
+}
+
 /// Prints one object on one line.
 pub fn json(value: &impl Serialize) -> anyhow::Result<()> {
     Ok(result(format_args!("{}\n", serde_json::to_string(value)?))?)
@@ -71,4 +78,15 @@ pub fn note(message: impl Display) {
 fn coloured() -> bool {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     io::stderr().is_terminal() && !refused
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fixed;
+
+    #[test]
+    fn what_rounds_to_zero_has_no_sign() {
+        let written = [-0.004, -0.006, 0.004, -12.0, -0.0, f64::NAN].map(|value| fixed(value, 2));
+        assert_eq!(written, ["0.00", "-0.01", "0.00", "-12.00", "0.00", "NaN"]);
+    }
 }

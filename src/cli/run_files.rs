@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use magsteer::config::Document;
+use magsteer::daemon::recorder::JOURNAL;
 use magsteer::daemon::{Bin, CompanionPlan, RunReport};
 use magsteer::recording::RECORDING;
 use magsteer_hal::channels::Endpoint;
@@ -60,10 +61,10 @@ impl RunFiles {
         Ok(files)
     }
 
-    /// Takes away what [`Self::begin`] made, since the run came to nothing. What was recorded all the same
-    /// stays, with all that belongs to it.
+    /// Takes away what [`Self::begin`] made, since the run came to nothing. What was recorded all the same, or
+    /// told in a journal, stays, with all that belongs to it.
     pub fn discard(&self) {
-        if self.recording().exists() {
+        if self.recording().exists() || self.folder.join(JOURNAL).exists() {
             return;
         }
         for path in &self.made {

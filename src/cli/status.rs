@@ -7,9 +7,9 @@ use std::time::Duration;
 use clap::Args;
 use magsteer::daemon::target::angle_from_z_deg;
 use magsteer::daemon::{StopFlag, TimingSummary};
-use magsteer_hal::Stamp;
 use magsteer_hal::channels::OperatorClient;
 use magsteer_hal::operator::{StatusMessage, cause, recorder, safe_action, state, verdict};
+use magsteer_hal::{HardwareDescription, Stamp};
 use serde::Serialize;
 
 use super::ending::{exit_of, watching};
@@ -122,24 +122,31 @@ struct Answer {
 impl Status {
     pub fn run(&self) -> anyhow::Result<Exit> {
         let mut client = connect(&self.rig, self.file.as_deref())?;
+        // A rig that is named needs no configuration; what there is has the names of its parts.
+        let rig = self.rig.load(self.file.as_deref()).ok().map(|config| config.description);
         if !self.watch {
-            self.show(&mut client)?;
+            self.show(&mut client, rig.as_ref())?;
             return Ok(Exit::Success);
         }
         let stop = Arc::new(StopFlag::new());
-        watching(&stop, false, || (), || self.follow(&mut client, &stop))?
+        watching(&stop, false, || (), || self.follow(&mut client, rig.as_ref(), &stop))?
     }
 
-    fn follow(&self, client: &mut OperatorClient, stop: &StopFlag) -> anyhow::Result<Exit> {
+    fn follow(
+        &self,
+        client: &mut OperatorClient,
+        rig: Option<&HardwareDescription>,
+        stop: &StopFlag,
+    ) -> anyhow::Result<Exit> {
         while stop.requested().is_none() {
-            self.show(client)?;
+            self.show(client, rig)?;
             std::thread::sleep(WATCH_PERIOD);
         }
         Ok(exit_of(stop))
     }
 
     /// Prints the newest status.
-    fn show(&self, client: &mut OperatorClient) -> anyhow::Result<()> {
+    fn show(&self, client: &mut OperatorClient, rig: Option<&HardwareDescription>) -> anyhow::Result<()> {
         let status = await_status(client)?;
         let age = Stamp::now().since(Stamp::from_nanoseconds(status.header.publish_stamp_ns));
         if age > STATUS_AGE_MAX {
@@ -150,7 +157,7 @@ impl Status {
         if self.json {
             output::json(&answer)?;
         } else {
-            output::result(answer.text(&self.names(&status)))?;
+            output::result(answer.text(&Names::of(rig, &status)))?;
         }
         Ok(())
     }
@@ -163,13 +170,11 @@ struct Names {
     frames: Vec<String>,
 }
 
-impl Status {
-    /// Names that the configuration at hand has, if it is that of the daemon's rig.
-    fn names(&self, status: &StatusMessage) -> Names {
-        let config = self.rig.load(self.file.as_deref()).ok();
-        let rig = config.map(|config| config.description);
+impl Names {
+    /// Those of the rig at hand, if it is the daemon's; none otherwise.
+    fn of(rig: Option<&HardwareDescription>, status: &StatusMessage) -> Self {
         let rig = rig.filter(|rig| rig.fingerprint() == status.description_fingerprint);
-        rig.map_or_else(Names::default, |rig| Names {
+        rig.map_or_else(Self::default, |rig| Self {
             magnets: rig.magnets().map(|magnet| magnet.name.clone()).collect(),
             frames: rig.frames.iter().map(|frame| frame.name.clone()).collect(),
         })

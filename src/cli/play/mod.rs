@@ -11,8 +11,6 @@ mod session;
 mod watched;
 
 pub use live_line::LiveLine;
-#[cfg(feature = "figures")]
-pub use report::fixed;
 pub use report::{table, timing_line};
 #[cfg(feature = "sim")]
 pub use session::Played;

@@ -3,6 +3,7 @@
 use magsteer::daemon::{LatencySummary, TimingSummary};
 
 use super::session::Played;
+use crate::cli::output::fixed;
 
 /// Least width of an angle's column, and what stands between groups of them.
 const WIDTH: usize = 6;
@@ -23,13 +24,6 @@ pub fn timing_line(timing: &TimingSummary) -> String {
         row(&timing.pose_to_command_us),
         row(&timing.pose_to_driver_us),
     )
-}
-
-/// A number with so many digits behind the point; what rounds to zero has no sign.
-pub fn fixed(value: f64, digits: usize) -> String {
-    let text = format!("{value:.digits$}");
-    let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
-    if is_zero { text.trim_start_matches('-').to_owned() } else { text }
 }
 
 /// The table of an experiment's steps, a column for each magnet by its name, and what its errors are.
@@ -78,7 +72,7 @@ fn judged(by_truth: bool) -> &'static str {
 mod tests {
     use magsteer::daemon::step_response::StepResponse;
 
-    use super::{Played, fixed, table};
+    use super::{Played, table};
 
     fn played(magnets: &[&str], judged_by_truth: bool) -> Played {
         let of = |value: f64| vec![value; magnets.len()];
@@ -113,12 +107,6 @@ mod tests {
             assert_eq!(ends(lines[1], name), below, "{text}");
             assert!(!text.contains("14.5") && !text.contains("21.5"), "{text}");
         }
-    }
-
-    #[test]
-    fn what_rounds_to_zero_has_no_sign() {
-        let written = [-0.004, -0.006, 0.004, -12.0, -0.0, f64::NAN].map(|value| fixed(value, 2));
-        assert_eq!(written, ["0.00", "-0.01", "0.00", "-12.00", "0.00", "NaN"]);
     }
 
     #[test]

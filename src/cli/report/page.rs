@@ -5,7 +5,7 @@ use std::fmt::Write;
 use magsteer::daemon::{LatencySummary, latency_summary};
 
 use super::run::Run;
-use crate::cli::play::fixed;
+use crate::cli::output::fixed;
 
 const STYLE: &str = "\
 body{font:16px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#1a1a1a;background:#fff}\

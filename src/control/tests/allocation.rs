@@ -125,7 +125,7 @@ fn increments_never_leave_the_box_of_value_and_rate() {
     assert!(at_limits > 10_000, "the wishes must meet limits: {at_limits}");
 }
 
-/// Goal: frames that may not move excuse nothing; that of the parameters which may, none is at a limit is seen beside them.
+/// Goal: a frame that may not move is at no limit, so that it excuses no controller that comes no nearer.
 #[test]
 fn held_frames_count_as_no_parameters_at_a_limit() {
     let mut random = seeded(12);

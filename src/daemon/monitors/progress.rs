@@ -6,7 +6,7 @@
 //! parameter at a limit, and not nearer by a tenth for `progress_stop_ms`. A target out of reach, or one that the
 //! currents do not suffice for, is no failure of the controller.
 //!
-//! Its limit: *any* parameter at a limit excuses the loop, also where others could still move, since the
+//! Its limit: *any* parameter that may move and is at a limit excuses the loop, also where others could, since the
 //! distance alone does not tell a rod at the end of its reach from a controller that gave up. A controller
 //! that holds one coil saturated and comes no nearer is not found here, but by a frozen copy, or by poses
 //! that the model disagrees with.

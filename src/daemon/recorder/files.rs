@@ -31,8 +31,8 @@ const RETRY: Duration = Duration::from_secs(1);
 const CHECK: Duration = Duration::from_secs(5);
 /// Events that wait at once.
 pub const EVENTS_MAX: usize = 1_024;
-/// Room asked for beside that of a flight: the journal's next file.
-const ROOM_BESIDE: u64 = FILE_BYTES_MAX;
+/// Room asked for beside that of a flight: the next files of journal and minutes.
+const ROOM_BESIDE: u64 = 2 * FILE_BYTES_MAX;
 /// Minutes that wait at once: a day. Older ones are forgotten.
 const MINUTES_MAX: usize = 1_440;
 /// Paths of flights that a run remembers.

@@ -2,7 +2,7 @@
 
 #![no_main]
 
-#[path = "../entry_points.rs"]
+#[path = "../entry_points/mod.rs"]
 #[allow(dead_code)]
 mod entry_points;
 
