@@ -135,7 +135,7 @@ fn steps(run: &Run) -> String {
         "<h2>Steps</h2>\n<div class=\"wide\"><table><tr><th class=\"n\">step</th><th class=\"n\">begin (s)</th><th>target {of}, from z (deg)</th><th class=\"n\">settled after</th>\
          <th class=\"n\">error mean {of} (deg)</th><th class=\"n\">error RMS {of} (deg)</th><th class=\"n\">largest current (A)</th></tr>\n{rows}</table></div>\n\
          <p>Judged by measured tangents, the sensor's noise included (<code>demo</code> and <code>target</code> judge a simulated rig by the \
-         plant's truth, and tell less). Settled: within 1 degree from then on, for 0.25 s at least. Errors over the last second, from the \
+         plant's truth: their errors are smaller). Settled: within 1 degree from then on, for 0.25 s at least. Errors over the last second, from the \
          settling on at the earliest.</p>\n"
     )
 }
