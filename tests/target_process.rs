@@ -132,3 +132,38 @@ fn scripts_and_streams_steer_a_running_rig_and_bad_ones_move_nothing() {
     assert_eq!(operator.ask(verb::GO), Some(0), "an operator goes on");
     operator.until_state(state::ACTIVE);
 }
+
+/// Goal: `--plan` leads out of the plane, where no setting of the frames at zero steers, waits for an armed daemon's sake only, and
+/// refuses steps that say where the frames shall stand.
+#[test]
+fn planned_ways_lead_out_of_the_plane_and_need_a_daemon_that_steers() {
+    let world = World::new();
+    let (_plant, _daemon) = (world.plant(), world.daemon());
+    let mut operator = world.operator();
+    let aside = ["set", "m1=0.95,0.25,-0.17", "m2=0.5,0.3,-0.81", "--plan", "--json"];
+    operator.until_state(state::IDLE);
+    let idle = output(target(&world, &aside));
+    assert_eq!(idle.status.code(), Some(1), "{}", said(&idle));
+    assert!(said(&idle).contains("arm it and let it go"), "{}", said(&idle));
+
+    operator.steer();
+    let led = output(target(&world, &aside));
+    assert_eq!(led.status.code(), Some(0), "{}", said(&led));
+    assert_eq!(answer(&led)["all_settled"], true);
+    let angles = operator.until(|_| true).measured.angle_rad;
+    assert!(angles.iter().any(|angle| angle.abs() > 0.1), "the frames were turned: {angles:?}");
+
+    let script = world.root.path().join("aside.csv");
+    let header = "duration_s,m1x,m1y,m1z,m2x,m2y,m2z";
+    let script_name = script.to_str().expect("UTF-8");
+    std::fs::write(&script, format!("{header},bottom_deg,top_deg\n1,0.9,0.3,0.316,0.6,-0.3,-0.742,10,20\n"))
+        .expect("own directory");
+    let refused = output(target(&world, &["play", script_name, "--plan"]));
+    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+    assert!(said(&refused).contains("step 1 says where the frames shall stand"), "{}", said(&refused));
+
+    std::fs::write(&script, format!("{header}\n1,0.95,0.25,-0.18,0.6,0.3,-0.742\n")).expect("own directory");
+    let played = output(target(&world, &["play", script_name, "--plan", "--json"]));
+    assert_eq!(played.status.code(), Some(0), "{}", said(&played));
+    assert_eq!(answer(&played)["steps"].as_array().map(Vec::len), Some(1));
+}

@@ -13,6 +13,8 @@ use magsteer_hal::HardwareDescription;
 use magsteer_hal::fault::{FaultPlanConfig, Injector, Reach};
 use magsteer_sim_plant::{PlantConfig, SimulatedRig};
 
+pub mod lead;
+
 /// A configuration of the rig and its plant.
 pub struct Setup {
     pub config: Config,

@@ -15,4 +15,4 @@ pub use choice::half_angle;
 pub use command::Plan;
 pub use frames::NamedAngles;
 pub use search::{Search, in_threads};
-pub use subject::Subject;
+pub use subject::{Subject, planner};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use magsteer::config::Config;
+use magsteer::config::{Config, Document};
 use magsteer::control::plan::Planner;
 use magsteer_hal::HardwareDescription;
 
@@ -21,10 +21,7 @@ impl Subject {
     /// What the configuration refuses; a file without `[rod]`, `[control]` or `[control.plan]`.
     pub fn load(file: &Path) -> anyhow::Result<Self> {
         let (document, config) = Config::load(file)?;
-        let manipulator = document.require("rod", &config.manipulator)?.clone();
-        let control = document.require("control", &config.control)?;
-        let plan = document.require("control.plan", &control.plan)?;
-        let planner = Planner::new(plan, control, &config.description, manipulator);
+        let planner = planner(&document, &config)?;
         Ok(Self { description: config.description, planner })
     }
 
@@ -32,4 +29,15 @@ impl Subject {
     pub fn magnets(&self) -> Vec<&str> {
         self.description.magnets().map(|magnet| magnet.name.as_str()).collect()
     }
+}
+
+/// The planner of a rig.
+///
+/// # Errors
+/// A configuration without `[rod]`, `[control]` or `[control.plan]`.
+pub fn planner(document: &Document, config: &Config) -> anyhow::Result<Planner> {
+    let manipulator = document.require("rod", &config.manipulator)?.clone();
+    let control = document.require("control", &config.control)?;
+    let plan = document.require("control.plan", &control.plan)?;
+    Ok(Planner::new(plan, control, &config.description, manipulator))
 }

@@ -42,10 +42,21 @@ impl Played {
     }
 }
 
+/// What a look at the daemon's status tells of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Seen {
+    UnderWay,
+    Over,
+    /// The daemon does not go there, or no farther.
+    Refused {
+        has_begun: bool,
+    },
+}
+
 /// An operator's session with a daemon.
 pub struct Session {
     pub(super) client: OperatorClient,
-    truth: Option<TruthObserver>,
+    pub(super) truth: Option<TruthObserver>,
 }
 
 impl Session {
@@ -95,57 +106,76 @@ impl Session {
         step: &ExperimentStep,
         stop: &StopFlag,
     ) -> anyhow::Result<Option<StepResponse>> {
-        let mut line = LiveLine::new();
         let begin = Stamp::now();
         let duration = Duration::from_secs_f64(step.duration_s);
         let mut watched = Watched::new(begin, target);
-        self.discard_truth();
-        while Stamp::now().since(begin) < duration {
-            if step.until == Some(Until::Settled) && watched.judge.has_settled() {
-                break;
+        let ended = self.see_through((label, rig, target), &mut watched, stop, |watched, status| {
+            let refused = status.target_verdict == verdict::REFUSED;
+            if refused || status.cause == Cause::NearSnapThrough.code() {
+                return Seen::Refused { has_begun: !refused };
             }
+            let has_settled = step.until == Some(Until::Settled) && watched.judge.has_settled();
+            if has_settled || Stamp::now().since(begin) >= duration { Seen::Over } else { Seen::UnderWay }
+        })?;
+        match ended {
+            Some(Seen::Refused { .. }) => {
+                let cause = watched.newest.map_or(0, |status| status.cause);
+                let why = anyhow!("{label} was refused: {}", cause::text(cause));
+                Err(Failure::with(Exit::No, why))
+            }
+            ended => Ok(ended.map(|_| watched.judge.verdict())),
+        }
+    }
+
+    /// Watches the daemon, which steers, until `look` sees an end in a status that began later than this; `None` when it was
+    /// broken off.
+    ///
+    /// # Errors
+    /// When the daemon stops steering or falls silent.
+    pub(super) fn see_through(
+        &mut self,
+        (label, rig, target): (&str, &HardwareDescription, &[[f64; 3]]),
+        watched: &mut Watched,
+        stop: &StopFlag,
+        mut look: impl FnMut(&Watched, &StatusMessage) -> Seen,
+    ) -> anyhow::Result<Option<Seen>> {
+        let mut line = LiveLine::new();
+        let begin = Stamp::now();
+        self.discard_truth();
+        loop {
             if stop.requested().is_some() {
                 return Ok(None);
             }
             std::thread::sleep(POLL);
-            self.watch(&mut watched);
-            let Some(status) = watched.newest else {
-                if Stamp::now().since(begin) > SILENCE_MAX {
-                    return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
-                }
-                continue;
-            };
+            self.watch(watched);
+            let heard = watched.newest.map_or(begin, |status| status.header.source_stamp().max(begin));
+            if Stamp::now().since(heard) > SILENCE_MAX {
+                return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
+            }
+            let Some(status) = watched.newest else { continue };
             if !matches!(status.state, state::ACTIVE | state::HOLDING) {
                 line.end();
                 let why = anyhow!("the daemon stopped steering: it is {}", describe(&status));
                 return Err(Failure::with(Exit::No, why));
             }
-            let of_this_step = status.header.source_stamp() > begin;
-            let near_snap = status.cause == Cause::NearSnapThrough.code();
-            if of_this_step && (status.target_verdict == verdict::REFUSED || near_snap) {
-                // A refused step did not begin: there is nothing to show of it.
-                if status.target_verdict == verdict::REFUSED {
-                    line.erase()
-                } else {
-                    line.end()
+            let text = || live((label, watched.begin()), rig, target, &status, watched.lateness_max_us);
+            if status.header.source_stamp() <= begin {
+                continue;
+            }
+            match look(watched, &status) {
+                Seen::UnderWay => line.draw(text, REDRAW),
+                seen => {
+                    // A refused step did not begin: there is nothing to show of it.
+                    if matches!(seen, Seen::Refused { has_begun: false }) {
+                        line.erase();
+                    } else {
+                        line.draw(text, Duration::ZERO);
+                        line.end();
+                    }
+                    return Ok(Some(seen));
                 }
-                let why = anyhow!("{label} was refused: {}", cause::text(status.cause));
-                return Err(Failure::with(Exit::No, why));
             }
-            if Stamp::now().since(status.header.source_stamp()) > SILENCE_MAX {
-                return Err(Failure::with(Exit::Unavailable, anyhow!("the daemon fell silent")));
-            }
-            line.draw(|| live((label, begin), rig, target, &status, watched.lateness_max_us), REDRAW);
         }
-        let Some(end) = watched.newest else {
-            let why = anyhow!(
-                "nothing was heard of the daemon during {label}: is the step longer than its status period?"
-            );
-            return Err(Failure::with(Exit::Unavailable, why));
-        };
-        line.draw(|| live((label, begin), rig, target, &end, watched.lateness_max_us), Duration::ZERO);
-        line.end();
-        Ok(Some(watched.judge.verdict()))
     }
 
     /// Takes over what the step is judged by.

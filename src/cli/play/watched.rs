@@ -21,6 +21,10 @@ impl Watched {
         Self { begin, newest: None, current: 0.0, lateness_max_us: 0.0, judge: Judge::new(target) }
     }
 
+    pub(super) fn begin(&self) -> Stamp {
+        self.begin
+    }
+
     pub(super) fn take(&mut self, status: &StatusMessage, by_truth: bool) {
         let stamp = status.header.source_stamp();
         // A status of the step before may still have been under way.

@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use magsteer::config::{Experiment, experiment_of_csv};
+use magsteer::config::{Config, Document, Experiment, experiment_of_csv};
+use magsteer::control::plan::Guide;
 use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::HardwareDescription;
-use magsteer_hal::operator::state;
+use magsteer_hal::operator::{StatusMessage, state};
 use serde::Serialize;
 
 use super::command::{STATUS_WAIT, await_status};
@@ -16,6 +17,7 @@ use super::dry_run::{DryRun, Start};
 use crate::cli::ending::{exit_of, watching};
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::operator::connect;
+use crate::cli::plan::planner;
 use crate::cli::play::{Session, table, timing_line};
 use crate::cli::rig_file::RigArgs;
 use crate::cli::{data_file, output};
@@ -28,7 +30,8 @@ use crate::cli::{data_file, output};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     magsteer arm && magsteer go && magsteer target play config/experiments/planar.toml\n  \
-    magsteer target play steps.csv --dry-run\n\n\
+    magsteer target play steps.csv --dry-run\n  \
+    magsteer target play steps.csv --plan\n\n\
     CSV: a step a line, columns duration_s,m1_deg,m2_deg (angles about y from z), or m1x,m1y,m1z for directions; frames as\n\
     FRAME_deg; until = settled to go on as soon as a step has settled. TOML: also `until = \"settled\"`.")]
 pub struct Play {
@@ -38,6 +41,10 @@ pub struct Play {
     /// Walk the steps in the model alone, and move nothing. Begins where a daemon's rig is, or at rest where no daemon answers.
     #[arg(long)]
     dry_run: bool,
+    /// Find the ways: to every target one is planned from where the rig is, with the frames where they suit, and planned anew when
+    /// the daemon refuses a part of it or the magnets end beside the target. Needs [control.plan].
+    #[arg(long, conflicts_with_all = ["dry_run", "unchecked"])]
+    plan: bool,
     /// Play without walking the steps in the model first. The daemon looks at the way to each target all the same.
     #[arg(long, conflicts_with = "dry_run")]
     unchecked: bool,
@@ -74,10 +81,10 @@ impl Play {
             return rehearse(Start::of(status.ok().as_ref()))?.tell(self.json);
         }
         let status = status?;
-        if !matches!(status.state, state::ACTIVE | state::HOLDING) {
-            let state = state::name(status.state);
-            let message = anyhow::anyhow!("the daemon is {state}: arm it and let it go before playing");
-            return Err(Failure::with(Exit::No, message));
+        require_steering(&status)?;
+        if self.plan {
+            let guide = guide(&document, &config, &experiment)?;
+            return play_and_tell(&self.rig, rig, &experiment, Some(guide), self.json);
         }
         if !self.unchecked && config.control.as_ref().is_some_and(|control| control.scout.is_some()) {
             let run = rehearse(Start::of(Some(&status)))?;
@@ -89,8 +96,33 @@ impl Play {
                 return Err(Failure::with(Exit::No, message));
             }
         }
-        play_and_tell(&self.rig, rig, &experiment, self.json)
+        play_and_tell(&self.rig, rig, &experiment, None, self.json)
     }
+}
+
+/// A guide through the steps of `experiment`.
+///
+/// # Errors
+/// A configuration without `[rod]`, `[control]` or `[control.plan]`; a step that says where the frames shall stand.
+pub(super) fn guide(document: &Document, config: &Config, experiment: &Experiment) -> anyhow::Result<Guide> {
+    if let Some(step) = experiment.steps.iter().position(|step| !step.frames_deg.is_empty()) {
+        let message = anyhow::anyhow!(
+            "step {} says where the frames shall stand, which --plan is to find: leave one of them out",
+            step + 1
+        );
+        return Err(Failure::usage(message));
+    }
+    Ok(Guide::new(planner(document, config)?))
+}
+
+/// A daemon that does not steer plays nothing.
+pub(super) fn require_steering(status: &StatusMessage) -> anyhow::Result<()> {
+    if matches!(status.state, state::ACTIVE | state::HOLDING) {
+        return Ok(());
+    }
+    let state = state::name(status.state);
+    let message = anyhow::anyhow!("the daemon is {state}: arm it and let it go before playing");
+    Err(Failure::with(Exit::No, message))
 }
 
 /// Reads an experiment, or the steps of one from a file whose name ends in `.csv`.
@@ -108,6 +140,7 @@ pub(super) fn play_and_tell(
     rig: &RigArgs,
     description: &HardwareDescription,
     experiment: &Experiment,
+    guide: Option<Guide>,
     json: bool,
 ) -> anyhow::Result<Exit> {
     let endpoint = rig.endpoint(None)?;
@@ -116,7 +149,13 @@ pub(super) fn play_and_tell(
         &stop,
         false,
         || (),
-        || Session::open(&endpoint, STATUS_WAIT)?.play(experiment, description, &stop),
+        || {
+            let session = Session::open(&endpoint, STATUS_WAIT)?;
+            match guide {
+                None => session.play(experiment, description, &stop),
+                Some(mut guide) => session.play_guided(&mut guide, experiment, description, &stop),
+            }
+        },
     )??;
     if stop.requested().is_some() {
         output::note("broken off; the last targets stay set");

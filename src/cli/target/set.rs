@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use magsteer::config::{Config, Experiment, ExperimentStep, Until};
+use magsteer::config::{Config, Document, Experiment, ExperimentStep, Until};
 use magsteer::control::{Directions, ReferenceTarget};
 use magsteer::daemon::target::{MagnetTarget, directions};
 use magsteer_hal::Stamp;
@@ -13,7 +13,7 @@ use magsteer_hal::operator::{OperatorAnswer, StatusMessage, state, verdict};
 
 use super::command::{await_status, present_target};
 use super::dry_run::{DryRun, Start};
-use super::play::play_and_tell;
+use super::play::{guide, play_and_tell, require_steering};
 use crate::cli::actuation::Numbers;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::operator::{connect, send, target_request, tell};
@@ -31,7 +31,8 @@ const VERDICT_WAIT: Duration = Duration::from_secs(3);
 /// Ends with 0 when it was done, with 1 when the daemon refused or the magnets did not settle, with 69 when no daemon answers.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  magsteer target set m1=70deg m2=110deg --wait settled\n  \
-    magsteer target set m2=1.2rad --axis 1,0,0\n  magsteer target set m1=0.95,0.25,-0.17 --frames bottom=45,top=60 --dry-run")]
+    magsteer target set m2=1.2rad --axis 1,0,0\n  magsteer target set m1=0.95,0.25,-0.17 --frames bottom=45,top=60 --dry-run\n  \
+    magsteer target set m1=0.95,0.25,-0.17 m2=0.2,0.3,-0.93 --plan")]
 pub struct Set {
     /// Angle from z of a magnet by its name, with its unit, or its direction in the world.
     #[arg(value_name = "NAME=ANGLE|X,Y,Z", required = true)]
@@ -42,6 +43,10 @@ pub struct Set {
     /// Where the frames shall stand when the magnets have arrived, deg; left to the daemon when left out.
     #[arg(long, value_name = "NAME=DEG,...", allow_hyphen_values = true)]
     frames: Option<NamedAngles>,
+    /// Find the way: it is planned from where the rig is, with the frames where they suit, and planned anew when the daemon refuses a
+    /// part of it or the magnets end beside the target. Waits until they have settled. Needs [control.plan].
+    #[arg(long, conflicts_with_all = ["frames", "wait", "dry_run"])]
+    plan: bool,
     /// Wait until the magnets are there.
     #[arg(long, value_name = "EVENT", conflicts_with = "dry_run")]
     wait: Option<WaitFor>,
@@ -87,11 +92,12 @@ impl Set {
         }
         let mut client = connect(&self.rig, None)?;
         let names_all = self.targets.len() == rig.magnets().count();
-        let status = if names_all && self.wait.is_none() { None } else { Some(await_status(&mut client)?) };
+        let waits = self.plan || self.wait.is_some();
+        let status = if names_all && !waits { None } else { Some(await_status(&mut client)?) };
         let target = target(status.as_ref())?;
-        if let (Some(WaitFor::Settled), Some(status)) = (self.wait, status) {
+        if let Some(status) = status.filter(|_| waits) {
             drop(client);
-            return self.wait_settled(&config, &target, &status);
+            return self.wait_settled(&document, &config, &target, &status);
         }
         let answer = send(&mut client, target_request(&target, rig))?;
         let steers = matches!(answer.state, state::ACTIVE | state::HOLDING);
@@ -126,6 +132,7 @@ impl Set {
     /// Plays the target as a script of one step, which ends when it has settled.
     fn wait_settled(
         &self,
+        document: &Document,
         config: &Config,
         target: &ReferenceTarget,
         status: &StatusMessage,
@@ -150,7 +157,11 @@ impl Set {
             zero_direction: [0.0, 0.0, 1.0],
             steps: vec![step],
         };
-        play_and_tell(&self.rig, rig, &experiment, self.json)
+        if self.plan {
+            require_steering(status)?;
+        }
+        let guide = self.plan.then(|| guide(document, config, &experiment)).transpose()?;
+        play_and_tell(&self.rig, rig, &experiment, guide, self.json)
     }
 }
 

@@ -21,6 +21,7 @@
 
 mod config;
 mod expected_power;
+mod guide;
 mod planner;
 mod rehearsal;
 mod route;
@@ -31,6 +32,7 @@ mod walker;
 
 pub use config::PlanConfig;
 pub use expected_power::ExpectedPower;
+pub use guide::{GivenUp, Guide, Leg, Order, Stance, Told};
 pub use planner::{Plan, Planner, Standing, Unreached};
 pub use rehearsal::{Rehearsal, Rehearsed};
 pub use targets::{Targets, draw_direction, draw_targets, parse_targets, target_columns};

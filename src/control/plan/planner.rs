@@ -4,16 +4,18 @@ use magsteer_hal::{Actuation, HardwareDescription, POSE_PARAMETERS_MAX};
 use rayon::prelude::*;
 
 use super::config::PlanConfig;
+use super::rehearsal::Rehearsal;
 use super::route::Route;
-use super::search::Tried;
+use super::search::{Goal, Tried};
 use super::walk::{Bounds, Obstacle, Posture, Walked, Waypoint};
 use super::walker::Walker;
 use crate::control::config::ControlConfig;
 use crate::control::cycle::Directions;
 use crate::rod::Manipulator;
 
-/// By how much worse the direct way may be than one by way of rest, as a ratio of scores, and still be preferred.
-const DIRECT_PREFERENCE: f64 = 2.0;
+/// Greatest angle between where the model comes under a loop's currents and where the loop's own model is, rad: on another branch it
+/// is many times that, and measured currents are off by some mA.
+const SAME_POSTURE: f64 = 0.5_f64.to_radians();
 
 /// Frame angles, rad.
 pub(super) type Setting = [f64; POSE_PARAMETERS_MAX];
@@ -31,13 +33,15 @@ pub struct Plan {
     pub error: f64,
     /// A way from its end to rest, walked as well.
     pub home: Vec<Waypoint>,
+    /// True when the loop's scout would let it pass, were the loop where the plan begins; always without a scout.
+    pub passes: bool,
 }
 
 impl Plan {
     /// Where the rod stands at its end.
     #[must_use]
     pub fn standing(&self) -> Standing {
-        Standing { posture: self.posture, home: self.home.clone() }
+        Standing { posture: self.posture, home: Some(self.home.clone()) }
     }
 }
 
@@ -46,8 +50,8 @@ impl Plan {
 pub struct Standing {
     /// The equilibrium.
     pub posture: Posture,
-    /// Waypoints to the rest posture.
-    pub home: Vec<Waypoint>,
+    /// Waypoints to the rest posture; `None` where no way there is known.
+    pub home: Option<Vec<Waypoint>>,
 }
 
 /// Why no way was found.
@@ -68,6 +72,8 @@ pub struct Planner {
     pub(super) settings: Vec<Tried>,
     pub(super) groups: Vec<Vec<Route>>,
     pub(super) rest: Standing,
+    /// Walks as the loop's scout does, where there is one.
+    pub(super) scout: Option<Rehearsal>,
     pub(super) bounds: Bounds,
     pub(super) margin_wanted: f64,
     pub(super) frame_step: f64,
@@ -99,13 +105,16 @@ impl Planner {
                 })
                 .collect();
         }
+        let scout = control.scout.as_ref();
+        let scout = scout.map(|scout| Rehearsal::new(scout, control, description, manipulator.clone()));
         let mut walker = Walker::new(control, description, manipulator, plan.disturbance_deg.to_radians());
         let angle_rad = control.resting_frames(description);
         // Frames that turn without currents turn nothing.
         let _ = walker.actuate(&Actuation { angle_rad, ..Actuation::default() });
         let mut planner = Self {
-            rest: Standing { posture: walker.posture(), home: Vec::new() },
+            rest: Standing { posture: walker.posture(), home: Some(Vec::new()) },
             walker,
+            scout,
             settings: Vec::new(),
             groups: Route::groups(magnets),
             bounds: Bounds { margin_min: plan.margin_min, tolerance: plan.tolerance_deg.to_radians() },
@@ -136,7 +145,7 @@ impl Planner {
     /// # Errors
     /// When no setting arrives.
     pub fn from_rest(&self, target: &Directions) -> Result<Plan, Unreached> {
-        self.search(&self.rest.posture, target, true)
+        self.search(&self.rest.posture, &Goal { directions: target, avoided: &[] }, true)
     }
 
     /// A way from rest to `target` with the frames held at one setting, as an array without frames would have it.
@@ -171,25 +180,74 @@ impl Planner {
     /// # Errors
     /// When no setting arrives.
     pub fn plan(&self, from: &Standing, target: &Directions) -> Result<Plan, Unreached> {
-        let straight = self.search(&from.posture, target, false);
-        let around = self.by_way_of_rest(from, target);
+        self.plan_avoiding(from, target, &[])
+    }
+
+    /// As [`Self::plan`], with none of these frame settings at the end, rad: those that a loop has tried in vain.
+    ///
+    /// # Errors
+    /// When no other setting arrives.
+    pub fn plan_avoiding(
+        &self,
+        from: &Standing,
+        target: &Directions,
+        avoided: &[Setting],
+    ) -> Result<Plan, Unreached> {
+        let goal = Goal { directions: target, avoided };
+        let straight = self.search(&from.posture, &goal, false);
+        let around = self.by_way_of_rest(from, &goal);
         match (straight, around) {
             (Ok(straight), Ok(around)) => {
-                let preferred =
-                    self.score(&straight.walked) <= DIRECT_PREFERENCE * self.score(&around.walked);
-                Ok(if preferred { straight } else { around })
+                let is_better = match (straight.passes, around.passes) {
+                    (true, false) => true,
+                    (false, true) => false,
+                    _ => self.score(&straight.walked) <= self.score(&around.walked),
+                };
+                Ok(if is_better { straight } else { around })
             }
             (Ok(plan), Err(_)) | (Err(_), Ok(plan)) => Ok(plan),
             (Err(_), Err(unreached)) => Err(unreached),
         }
     }
 
-    fn by_way_of_rest(&self, from: &Standing, target: &Directions) -> Result<Plan, Unreached> {
-        let onward = self.from_rest(target)?;
-        let waypoints = from.home.iter().chain(&onward.waypoints).copied().collect();
-        let whole = self.walk_through(&from.posture, waypoints);
-        let whole = whole.map_err(|obstacle| Unreached { tried: 1, closest: obstacle })?;
-        Ok(Plan { home: onward.home, ..whole })
+    /// Where a loop stands: the posture under these currents and angles in which the magnets point as `predicted`, come to from one of
+    /// those `near` it, from rest, or from where these frames lead to the same directions; `None` when the model does not come there. Its
+    /// way to rest is one that the loop's scout lets pass; `back` leads there along where the loop came from.
+    #[must_use]
+    pub fn standing_at(
+        &self,
+        actuation: &Actuation,
+        predicted: &Directions,
+        near: &[Posture],
+        back: &[Waypoint],
+    ) -> Option<Standing> {
+        let mut walker = self.walker.clone();
+        let mut come_from = |posture: &Posture| {
+            walker.resume(posture).ok()?;
+            walker.actuate(actuation).ok()?;
+            (walker.error_to(predicted) <= SAME_POSTURE).then(|| walker.posture())
+        };
+        let direct = near.iter().chain([&self.rest.posture]).find_map(&mut come_from);
+        let posture = direct.or_else(|| {
+            let there = self.from_rest_with(&actuation.angle_rad, predicted).ok()?;
+            come_from(&there.posture)
+        })?;
+        let passes = |home: &Vec<Waypoint>| self.passes(&posture, home);
+        let home = self.way_home(&posture, back).filter(passes).or_else(|| {
+            let rest = Goal { directions: &self.rest.posture.directions, avoided: &[] };
+            self.search(&posture, &rest, false).ok().filter(|plan| plan.passes).map(|plan| plan.waypoints)
+        });
+        Some(Standing { posture, home })
+    }
+
+    fn by_way_of_rest(&self, from: &Standing, goal: &Goal<'_>) -> Result<Plan, Unreached> {
+        let lost = |obstacle| Unreached { tried: 1, closest: obstacle };
+        let home = from.home.as_ref().ok_or_else(|| lost(Obstacle::BranchEnds))?;
+        let onward = self.search(&self.rest.posture, goal, true)?;
+        let waypoints: Vec<Waypoint> = home.iter().chain(&onward.waypoints).copied().collect();
+        let whole = self.walk_through(&from.posture, waypoints).map_err(lost)?;
+        let passes = self.passes(&from.posture, &whole.waypoints);
+        Ok(Plan { home: onward.home, passes, ..whole })
     }
 
     /// What ways are compared by: the greatest expected power, A^2, raised where the margin falls short of what is wanted. It never

@@ -20,7 +20,7 @@ use crate::control::scout::ScoutConfig;
 use crate::rod::Manipulator;
 
 /// Walks targets one after another.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Rehearsal {
     walker: Walker,
     bounds: Bounds,
@@ -72,6 +72,14 @@ impl Rehearsal {
     /// When the model does not come there.
     pub fn begin_at(&mut self, actuation: &Actuation) -> Result<(), Obstacle> {
         self.walker.actuate(actuation)
+    }
+
+    /// Begins at an equilibrium that is known.
+    ///
+    /// # Errors
+    /// When it is none of this rig's model.
+    pub fn begin_from(&mut self, posture: &Posture) -> Result<(), Obstacle> {
+        self.walker.resume(posture)
     }
 
     /// False where the loop turns the frames as it likes on the way to `target`, so that this rehearsal binds nobody.

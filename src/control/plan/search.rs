@@ -31,6 +31,21 @@ pub(super) struct Tried {
     pub rest: Option<(Posture, Walked)>,
 }
 
+/// What a search is for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Goal<'a> {
+    /// Where the magnets shall point.
+    pub directions: &'a Directions,
+    /// Settings of the frames that shall not be taken, rad.
+    pub avoided: &'a [Setting],
+}
+
+impl Goal<'_> {
+    fn allows(&self, setting: &Setting, apart: f64) -> bool {
+        !self.avoided.iter().any(|avoided| are_within(avoided, setting, apart))
+    }
+}
+
 /// A way to be walked.
 struct Way<'a> {
     /// The first waypoint, when it was walked to before: where it is, and how it was come to.
@@ -80,7 +95,11 @@ fn closest(halted: &mut [Halt]) -> Vec<Setting> {
 }
 
 fn are_same(a: &Setting, b: &Setting) -> bool {
-    a.iter().zip(b).all(|(a, b)| (a - b).abs() < SAME)
+    are_within(a, b, SAME)
+}
+
+fn are_within(a: &Setting, b: &Setting, apart: f64) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() < apart)
 }
 
 impl Planner {
@@ -116,12 +135,12 @@ impl Planner {
     }
 
     /// A way from `from` to rest: with the frames as they stand, else along `back` and then to rest.
-    pub(super) fn way_home(&self, from: &Posture, back: Vec<Waypoint>) -> Option<Vec<Waypoint>> {
+    pub(super) fn way_home(&self, from: &Posture, back: &[Waypoint]) -> Option<Vec<Waypoint>> {
         let rest = self.rest.posture.directions;
         let home = Waypoint { directions: rest, frame_angles: from.present.actuation.angle_rad };
         let ways = self.groups.iter().flatten().map(|route| route.waypoints(&from.directions, &home));
-        let ways = ways.chain((!back.is_empty()).then(|| {
-            let last = back.last().map_or(home.frame_angles, |last| last.frame_angles);
+        let ways = ways.chain(back.last().map(|last| {
+            let last = last.frame_angles;
             back.iter().copied().chain([Waypoint { directions: rest, frame_angles: last }]).collect()
         }));
         ways.into_iter().find(|way: &Vec<Waypoint>| self.walk_through(from, way.clone()).is_ok())
@@ -148,26 +167,29 @@ impl Planner {
         Way { begun: None, waypoints: route.waypoints(&from.directions, &to) }
     }
 
-    /// The best way to `target`: tries every setting on one group of routes after another, then settings between those of the grid.
-    /// `at_rest` where `from` is without currents: frames then stand in place before the magnets turn.
-    pub(super) fn search(
-        &self,
-        from: &Posture,
-        target: &Directions,
-        at_rest: bool,
-    ) -> Result<Plan, Unreached> {
+    /// The best way to a goal: tries every setting on one group of routes after another, then settings between those of the grid.
+    /// `at_rest` where `from` is without currents: frames then stand in place before the magnets turn. A way that the scout would
+    /// refuse is taken only when no setting of the grid has one that passes.
+    pub(super) fn search(&self, from: &Posture, goal: &Goal<'_>, at_rest: bool) -> Result<Plan, Unreached> {
         let from_here = (!at_rest).then_some(from);
+        let target = goal.directions;
+        let is_allowed = |tried: &&Tried| goal.allows(&tried.setting, 0.5 * self.frame_step);
         let mut halted: Vec<Halt> = Vec::new();
+        let mut refused = None;
         for routes in &self.groups {
-            let ways = self
-                .settings
-                .iter()
-                .flat_map(|tried| routes.iter().map(move |route| self.way(from_here, tried, *route, target)));
+            let ways =
+                self.settings.iter().filter(is_allowed).flat_map(|tried| {
+                    routes.iter().map(move |route| self.way(from_here, tried, *route, target))
+                });
             let followed = self.follow_all(from, ways.collect());
             halted.extend(&followed.halted);
-            if let Some(plan) = self.best_with_return(from, followed.arrived) {
-                return Ok(plan);
+            match self.best_with_return(from, followed.arrived) {
+                Some(plan) if plan.passes => return Ok(plan),
+                plan => refused = refused.or(plan),
             }
+        }
+        if let Some(plan) = refused {
+            return Ok(plan);
         }
         // Between the settings of the grid, about those that came closest, ever closer.
         let mut tried: Vec<Setting> = self.settings.iter().map(|tried| tried.setting).collect();
@@ -185,6 +207,7 @@ impl Planner {
             let routes = || self.groups.iter().flatten();
             let ways = refined
                 .iter()
+                .filter(is_allowed)
                 .flat_map(|tried| routes().map(move |route| self.way(from_here, tried, *route, target)));
             let followed = self.follow_all(from, ways.collect());
             halted.extend(&followed.halted);
@@ -215,18 +238,31 @@ impl Planner {
         beside
     }
 
-    /// The best of `plans`, best first, from which there is a way to rest.
+    /// The best of `plans`, best first, from which there is a way to rest; one that the scout lets pass where there is one.
     fn best_with_return(&self, from: &Posture, plans: Vec<Plan>) -> Option<Plan> {
-        let mut plans = plans.into_iter().take(RETURNS_TRIED);
-        plans.find_map(|mut plan| {
+        let mut refused = None;
+        for mut plan in plans.into_iter().take(RETURNS_TRIED) {
             let mut back: Vec<Waypoint> = plan.waypoints.iter().rev().skip(1).copied().collect();
             back.push(Waypoint {
                 directions: from.directions,
                 frame_angles: from.present.actuation.angle_rad,
             });
-            plan.home = self.way_home(&plan.posture, back)?;
-            Some(plan)
-        })
+            let Some(home) = self.way_home(&plan.posture, &back) else { continue };
+            plan.home = home;
+            plan.passes = self.passes(from, &plan.waypoints);
+            if plan.passes {
+                return Some(plan);
+            }
+            refused = refused.or(Some(plan));
+        }
+        refused
+    }
+
+    /// True when the loop's scout would let these waypoints pass, or there is none.
+    pub(super) fn passes(&self, from: &Posture, waypoints: &[Waypoint]) -> bool {
+        let Some(mut scout) = self.scout.clone() else { return true };
+        scout.begin_from(from).is_ok()
+            && waypoints.iter().all(|waypoint| scout.step(&waypoint.target()).obstacle.is_none())
     }
 
     /// Walks every way that may be among the best.
@@ -294,7 +330,7 @@ impl Planner {
             error = walker.error_to(&waypoint.directions);
             before = waypoint.directions;
         }
-        Ok(Plan { posture: walker.posture(), waypoints, walked, error, home: Vec::new() })
+        Ok(Plan { posture: walker.posture(), waypoints, walked, error, home: Vec::new(), passes: true })
     }
 
     fn within_range(&self, waypoint: &Waypoint) -> bool {

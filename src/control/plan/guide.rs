@@ -1,0 +1,272 @@
+//! Guide: leads a loop to one target after another, each way planned from where the loop stands.
+//!
+//! # Problem
+//! A plan made before the fact begins where the model stands at the end of the plan before. A loop stands elsewhere: its currents in the
+//! null space have gone their own way, its rod is not the model's. So a way that the model walks may be refused by the loop's scout, or
+//! end beside its target.
+//!
+//! # Method
+//! Every way is planned from the loop's own currents and angles ([`Planner::standing_at`]). The model is asked for directions by which the
+//! magnets, bent as much farther than the model as they are now, point at the target. A way that was refused, or that ended
+//! beside its target, is not tried again: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew
+//! at rest, which everything after two ways in vain is, too. Where the model does not find to where the loop stands, or no way leads
+//! from there to rest, the currents are let go, which is the last resort: a rod whose currents fall all at once may snap on its way.
+//!
+//! What is absent: a loop, a clock, a channel. Whoever steers carries out [`Order`]s and tells what became of them ([`Told`]).
+
+use std::collections::VecDeque;
+
+use magsteer_hal::Actuation;
+use nalgebra::{Rotation3, Vector3};
+
+use super::planner::{Plan, Planner, Setting, Standing, Unreached};
+use super::walk::{Posture, Waypoint};
+use crate::control::cycle::Directions;
+use crate::math::angle_between;
+
+/// Ways to one target that are tried before it is given up.
+const WAYS_MAX: u32 = 6;
+/// Ways that are tried from where the loop stands before the next begins at rest.
+const WAYS_BEFORE_REST: u32 = 2;
+/// Ways to rest that are tried before the currents are let go.
+const HOMEWARD_MAX: u32 = 2;
+/// Greatest angle between a waypoint and the reference, and of a frame to its goal, of a loop that has arrived, rad.
+const ARRIVED_WITHIN: f64 = 0.05_f64.to_radians();
+
+/// Where a loop stands, by its own word, its magnets at rest.
+#[derive(Debug, Clone, Copy)]
+pub struct Stance {
+    /// Currents and angles of its model.
+    pub actuation: Actuation,
+    /// Tangents that its model predicts for them, world.
+    pub predicted: Directions,
+    /// Measured tangents, world.
+    pub measured: Directions,
+}
+
+/// What the loop is to do next.
+#[derive(Debug, Clone, Copy)]
+#[expect(clippy::large_enum_variant, reason = "one a leg, and never kept")]
+pub enum Order {
+    /// Steer to a waypoint, and stay there until all is at rest; to the last one until the magnets have settled.
+    Steer(Leg),
+    /// Let the currents go to zero, then make ready to steer again.
+    Release,
+}
+
+/// One leg of a way.
+#[derive(Debug, Clone, Copy)]
+pub struct Leg {
+    /// Where it ends.
+    pub waypoint: Waypoint,
+    /// True when that is the target.
+    pub is_last: bool,
+}
+
+impl Leg {
+    /// True when reference and frames of a loop have arrived at its end.
+    #[must_use]
+    pub fn has_arrived(&self, reference: &Directions, actuation: &Actuation) -> bool {
+        let turns =
+            reference.iter().zip(&self.waypoint.directions).filter(|(_, wanted)| **wanted != [0.0; 3]);
+        let mut turns = turns.map(|(at, wanted)| angle_between(&Vector3::from(*at), &Vector3::from(*wanted)));
+        let mut frames = actuation.angle_rad.iter().zip(&self.waypoint.frame_angles);
+        turns.all(|turn| turn <= ARRIVED_WITHIN)
+            && frames.all(|(angle, wanted)| (angle - wanted).abs() <= ARRIVED_WITHIN)
+    }
+}
+
+/// What became of an order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Told {
+    /// The leg's end was reached; of the last leg: the magnets settled there.
+    Arrived,
+    /// The loop's scout refused the leg: nothing has moved.
+    Refused,
+    /// The loop went, and did not come there, or did not settle.
+    Missed,
+    /// The currents are zero, and the loop is ready to steer again.
+    Released,
+}
+
+/// Why a target was given up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum GivenUp {
+    /// The model finds no way.
+    #[error("{0}")]
+    Unreached(Unreached),
+    /// The loop was led on several ways, and none led there.
+    #[error(
+        "{ways} ways were tried, and none led there: {refused} were refused, {missed} ended beside the target"
+    )]
+    Exhausted {
+        /// All.
+        ways: u32,
+        /// By the scout.
+        refused: u32,
+        /// On the way or at its end.
+        missed: u32,
+    },
+    /// The model does not come to where the loop is, not even at rest.
+    #[error("the model does not come to where the rig is")]
+    Lost,
+}
+
+/// Leads one loop.
+#[derive(Debug, Clone)]
+pub struct Guide {
+    planner: Planner,
+    target: Directions,
+    /// Postures of the model near which the loop may stand.
+    near: Vec<Posture>,
+    /// Where the loop came from, the last waypoint first.
+    back: Vec<Waypoint>,
+    /// Legs of the present way that are still to be gone.
+    legs: VecDeque<Waypoint>,
+    /// True while they lead to rest instead of to the target.
+    is_homeward: bool,
+    /// Frame settings that were tried in vain.
+    avoided: Vec<Setting>,
+    refused: u32,
+    missed: u32,
+    /// Ways to the target tried since the loop was at rest, or the target was set.
+    since_rest: u32,
+    /// Ways to rest that failed since then.
+    homeward_failed: u32,
+    must_release: bool,
+    /// True from when the loop was led to rest, or its currents were let go, until it is led away.
+    is_at_rest: bool,
+    is_there: bool,
+}
+
+impl Guide {
+    /// A guide whose loop may stand anywhere, without a target yet.
+    #[must_use]
+    pub fn new(planner: Planner) -> Self {
+        Self {
+            target: planner.rest().posture.directions,
+            planner,
+            near: Vec::new(),
+            back: Vec::new(),
+            legs: VecDeque::new(),
+            is_homeward: false,
+            avoided: Vec::new(),
+            refused: 0,
+            missed: 0,
+            since_rest: 0,
+            homeward_failed: 0,
+            must_release: false,
+            is_at_rest: false,
+            is_there: true,
+        }
+    }
+
+    /// From now on leads to `target`, one unit tangent a magnet, world.
+    pub fn set_out(&mut self, target: &Directions) {
+        self.target = *target;
+        self.legs.clear();
+        self.avoided.clear();
+        (self.refused, self.missed, self.since_rest, self.homeward_failed) = (0, 0, 0, 0);
+        (self.must_release, self.is_homeward, self.is_at_rest, self.is_there) = (false, false, false, false);
+    }
+
+    /// What is to be done next; `None` once the target is reached.
+    ///
+    /// # Errors
+    /// When there is nothing left to try.
+    pub fn order(&mut self, stance: &Stance) -> Result<Option<Order>, GivenUp> {
+        if self.is_there {
+            return Ok(None);
+        }
+        if self.legs.is_empty() && !self.must_release {
+            self.plan(stance)?;
+        }
+        let leg = |waypoint: &Waypoint| {
+            let is_last = self.legs.len() == 1 && !self.is_homeward;
+            let directions = if is_last { self.target } else { waypoint.directions };
+            Order::Steer(Leg { waypoint: Waypoint { directions, ..*waypoint }, is_last })
+        };
+        Ok(Some(self.legs.front().map_or(Order::Release, leg)))
+    }
+
+    /// Tells what became of the last order.
+    pub fn tell(&mut self, told: Told) {
+        match told {
+            Told::Arrived => {
+                self.back.splice(0..0, self.legs.pop_front());
+                if self.legs.is_empty() {
+                    (self.is_at_rest, self.is_there) = (self.is_homeward, !self.is_homeward);
+                    (self.since_rest, self.homeward_failed) = (0, 0);
+                }
+            }
+            Told::Released => {
+                (self.near, self.back) = (Vec::new(), Vec::new());
+                (self.must_release, self.is_at_rest) = (false, true);
+                (self.since_rest, self.homeward_failed) = (0, 0);
+            }
+            Told::Refused | Told::Missed => {
+                if self.is_homeward {
+                    self.homeward_failed += 1;
+                    self.must_release = self.homeward_failed >= HOMEWARD_MAX;
+                } else {
+                    let failed = if told == Told::Refused { &mut self.refused } else { &mut self.missed };
+                    *failed += 1;
+                    self.avoided.extend(self.legs.back().map(|goal| goal.frame_angles));
+                }
+                self.legs.clear();
+            }
+        }
+    }
+
+    /// Finds the next way, to the target or to rest, or that the currents must go before there is one.
+    fn plan(&mut self, stance: &Stance) -> Result<(), GivenUp> {
+        let Self { refused, missed, .. } = *self;
+        let exhausted = GivenUp::Exhausted { ways: refused + missed, refused, missed };
+        if refused + missed >= WAYS_MAX {
+            return Err(exhausted);
+        }
+        let standing = self.planner.standing_at(&stance.actuation, &stance.predicted, &self.near, &self.back);
+        let Some(Standing { posture, home }) = standing else {
+            self.must_release = true;
+            return if self.is_at_rest { Err(GivenUp::Lost) } else { Ok(()) };
+        };
+        let is_wanted_at_rest = self.since_rest >= WAYS_BEFORE_REST || self.homeward_failed > 0;
+        let plan = (!is_wanted_at_rest).then(|| self.way(&Standing { posture, home: home.clone() }, stance));
+        let home = home.filter(|home| !self.is_at_rest && !home.is_empty());
+        self.near = vec![posture];
+        self.back =
+            vec![Waypoint { directions: posture.directions, frame_angles: stance.actuation.angle_rad }];
+        match (plan, home) {
+            (Some(Ok(plan)), home) if !home.as_ref().is_some_and(|home| plan.waypoints.starts_with(home)) => {
+                self.near.insert(0, plan.posture);
+                (self.legs, self.is_homeward) = (plan.waypoints.into(), false);
+                (self.since_rest, self.is_at_rest) = (self.since_rest + 1, false);
+            }
+            (_, Some(home)) => (self.legs, self.is_homeward) = (home.into(), true),
+            _ if !self.is_at_rest => self.must_release = true,
+            (Some(Err(unreached)), _) if refused + missed == 0 => return Err(GivenUp::Unreached(unreached)),
+            _ => return Err(exhausted),
+        }
+        Ok(())
+    }
+
+    /// The best way to where the magnets are expected to point at the target; to where the model does, if there is none.
+    fn way(&self, standing: &Standing, stance: &Stance) -> Result<Plan, Unreached> {
+        let to = |target: &Directions| self.planner.plan_avoiding(standing, target, &self.avoided);
+        to(&self.corrected(stance)).or_else(|_| to(&self.target))
+    }
+
+    /// Where the model must point for the magnets to point at the target, as far as they are off now.
+    fn corrected(&self, stance: &Stance) -> Directions {
+        let mut corrected = self.target;
+        for (magnet, direction) in corrected.iter_mut().enumerate() {
+            let [measured, predicted] =
+                [stance.measured, stance.predicted].map(|directions| Vector3::from(directions[magnet]));
+            // None between opposite directions, and of what is no direction.
+            if let Some(off) = Rotation3::rotation_between(&measured, &predicted) {
+                *direction = (off * Vector3::from(*direction)).into();
+            }
+        }
+        corrected
+    }
+}

@@ -1,0 +1,219 @@
+//! The guide: ways planned from where a loop stands, judged by a pretended loop that refuses and misses, and by the simulated plant.
+
+mod rig_support;
+
+use std::sync::OnceLock;
+
+use magsteer::control::Directions;
+use magsteer::control::plan::{
+    GivenUp, Guide, Leg, Order, Planner, Posture, Rehearsal, Stance, Told, draw_targets,
+};
+use magsteer::math::angle_between;
+use nalgebra::{Rotation3, Vector3};
+use rig_support::Setup;
+use rig_support::lead::Lead;
+
+/// The shipped rig with a coarse grid of frame settings, and four targets within 30 deg of rest.
+fn rig() -> &'static (Setup, Planner, Vec<Directions>) {
+    static RIG: OnceLock<(Setup, Planner, Vec<Directions>)> = OnceLock::new();
+    RIG.get_or_init(|| {
+        let mut setup = Setup::shipped("bigmag-3d.toml");
+        let control = setup.config.control.as_mut().expect("has a controller");
+        control.plan.as_mut().expect("has a planner").frame_step_deg = 30.0;
+        let control = setup.config.control.as_ref().expect("has a controller");
+        let plan = control.plan.as_ref().expect("has a planner");
+        let manipulator = setup.config.manipulator.clone().expect("has a model");
+        let planner = Planner::new(plan, control, &setup.config.description, manipulator);
+        let rest = planner.rest().posture.directions;
+        let targets = draw_targets(&rest, 2, 30.0_f64.to_radians(), 4, 7);
+        (setup, planner, targets)
+    })
+}
+
+/// A loop that stands in a posture of the model, its magnets as far beside it as they are told.
+fn stance(posture: &Posture) -> Stance {
+    Stance {
+        actuation: posture.present.actuation,
+        predicted: posture.directions,
+        measured: posture.directions,
+    }
+}
+
+fn at_rest() -> Stance {
+    stance(&rig().1.rest().posture)
+}
+
+fn leg(order: Result<Option<Order>, GivenUp>) -> Leg {
+    match order {
+        Ok(Some(Order::Steer(leg))) => leg,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Greatest angle between the magnets of two sets of directions, rad.
+fn apart(a: &Directions, b: &Directions) -> f64 {
+    let pairs = a.iter().zip(b).take(2);
+    pairs.map(|(a, b)| angle_between(&Vector3::from(*a), &Vector3::from(*b))).fold(0.0, f64::max)
+}
+
+/// Goal: the loop with its real controller on the plant with its errors settles at every target, one after another, and the rod never
+/// snaps on the way.
+#[test]
+fn a_loop_is_led_from_target_to_target_on_a_plant_that_is_not_the_model() {
+    let (setup, planner, targets) = rig();
+    let mut lead = Lead::new(setup, planner.clone());
+    for target in targets {
+        let (settled, story) = lead.to(target);
+        assert!(settled, "{story:?}");
+    }
+    assert_eq!((lead.snapped, lead.stopped), (0, 0));
+}
+
+/// Goal: a loop that does as it is told ends at the target itself, whatever its magnets are beside the model, and is then left alone.
+#[test]
+fn a_way_ends_at_the_target_and_the_guide_then_asks_for_nothing() {
+    let (_, planner, targets) = rig();
+    let mut guide = Guide::new(planner.clone());
+    assert!(matches!(guide.order(&at_rest()), Ok(None)), "no target was set");
+    guide.set_out(&targets[0]);
+    let mut last = leg(guide.order(&at_rest()));
+    while !last.is_last {
+        guide.tell(Told::Arrived);
+        last = leg(guide.order(&at_rest()));
+    }
+    assert_eq!(last.waypoint.directions, targets[0]);
+    guide.tell(Told::Arrived);
+    assert!(matches!(guide.order(&at_rest()), Ok(None)));
+}
+
+/// Goal: where the magnets are beside the model, the way is planned to where the model must point for them to be at the target, which
+/// wants other frames than the target itself.
+#[test]
+fn ways_are_planned_for_magnets_as_far_beside_the_model_as_they_are() {
+    let (_, planner, targets) = rig();
+    let target = &targets[0];
+    let turn = Rotation3::new(Vector3::new(0.0, 20.0_f64.to_radians(), 0.0));
+    let turned = |directions: &Directions, turn: Rotation3<f64>| {
+        directions.map(|direction| (turn * Vector3::from(direction)).into())
+    };
+    let mut stance = at_rest();
+    stance.measured = turned(&stance.measured, turn);
+    let goal = |target: &Directions| {
+        let standing = planner.standing_at(&stance.actuation, &stance.predicted, &[], &[]);
+        let plan = planner.plan(&standing.expect("at rest"), target).expect("near rest");
+        plan.posture.present.actuation.angle_rad
+    };
+    let corrected = goal(&turned(target, turn.inverse()));
+    assert_ne!(corrected, goal(target), "or nothing is seen of it");
+    let mut guide = Guide::new(planner.clone());
+    guide.set_out(target);
+    let mut last = leg(guide.order(&stance));
+    while !last.is_last {
+        guide.tell(Told::Arrived);
+        last = leg(guide.order(&stance));
+    }
+    assert_eq!(last.waypoint.frame_angles, corrected);
+}
+
+/// Goal: no way that was refused is ordered again, a third way begins at rest, and what does not end is given up.
+#[test]
+fn a_loop_that_refuses_everything_is_offered_other_frames_then_rest_then_nothing() {
+    let (_, planner, targets) = rig();
+    let posture = planner.from_rest(&targets[0]).expect("within 30 deg").posture;
+    let mut guide = Guide::new(planner.clone());
+    guide.set_out(&targets[1]);
+    let (mut refused, mut releases) = (Vec::new(), 0);
+    let mut present = stance(&posture);
+    let given_up = loop {
+        match guide.order(&present) {
+            Err(given_up) => break given_up,
+            Ok(None) => panic!("nothing was reached"),
+            Ok(Some(Order::Release)) => {
+                releases += 1;
+                present = at_rest();
+                guide.tell(Told::Released);
+            }
+            Ok(Some(Order::Steer(leg))) => {
+                let is_homeward = apart(&leg.waypoint.directions, &planner.rest().posture.directions) < 1e-6;
+                if leg.is_last {
+                    let frames = leg.waypoint.frame_angles;
+                    assert!(!refused.contains(&frames), "{frames:?} again after {refused:?}");
+                    refused.push(frames);
+                }
+                // Frames that turn at rest refuse nobody.
+                let passes = is_homeward && releases > 0;
+                guide.tell(if passes { Told::Arrived } else { Told::Refused });
+            }
+        }
+        assert!(refused.len() < 20 && releases < 20, "does not end");
+    };
+    assert!(releases > 0, "after {} ways", refused.len());
+    assert!(refused.len() >= 2, "{refused:?}");
+    assert!(matches!(given_up, GivenUp::Exhausted { refused: 2.., .. }), "{given_up}");
+}
+
+/// Goal: where the model does not find to where the rig is, the currents are let go; where it does not even then, the target is given up.
+#[test]
+fn a_rig_that_the_model_does_not_come_to_is_let_go_and_then_given_up() {
+    let (_, planner, targets) = rig();
+    let mut guide = Guide::new(planner.clone());
+    guide.set_out(&targets[0]);
+    let mut elsewhere = at_rest();
+    elsewhere.predicted = targets[1];
+    assert!(matches!(guide.order(&elsewhere), Ok(Some(Order::Release))));
+    guide.tell(Told::Released);
+    assert!(matches!(guide.order(&elsewhere), Err(GivenUp::Lost)));
+}
+
+/// Goal: the posture of a plan is found again from its currents and angles alone, and only where the magnets point as they say.
+#[test]
+fn a_standing_is_found_from_currents_and_angles_and_not_on_another_branch() {
+    let (_, planner, targets) = rig();
+    for target in targets {
+        let plan = planner.from_rest(target).expect("within 30 deg");
+        let actuation = &plan.posture.present.actuation;
+        let standing = planner.standing_at(actuation, &plan.posture.directions, &[], &[]);
+        let standing = standing.expect("the model was there");
+        assert!(apart(&standing.posture.directions, &plan.posture.directions) < 0.01_f64.to_radians());
+        assert!((standing.posture.margin - plan.posture.margin).abs() < 1e-3);
+        let elsewhere = planner.rest().posture.directions;
+        assert!(planner.standing_at(actuation, &elsewhere, &[], &[]).is_none());
+    }
+}
+
+/// Goal: ways that are said to pass are walked by the scout's own walk to their end, and settings to be avoided are.
+#[test]
+fn ways_that_pass_are_those_that_the_scout_walks_and_none_ends_where_it_shall_not() {
+    let (setup, planner, targets) = rig();
+    let control = setup.config.control.as_ref().expect("has a controller");
+    let scout = control.scout.as_ref().expect("has a scout");
+    let manipulator = setup.config.manipulator.clone().expect("has a model");
+    for target in targets {
+        let first = planner.plan(planner.rest(), target).expect("within 30 deg");
+        let mut rehearsal = Rehearsal::new(scout, control, &setup.config.description, manipulator.clone());
+        let walked =
+            first.waypoints.iter().all(|waypoint| rehearsal.step(&waypoint.target()).obstacle.is_none());
+        assert_eq!(first.passes, walked);
+        let avoided = first.posture.present.actuation.angle_rad;
+        if let Ok(second) = planner.plan_avoiding(planner.rest(), target, &[avoided]) {
+            let frames = second.posture.present.actuation.angle_rad;
+            let turned = frames.iter().zip(&avoided).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(turned > 14.0_f64.to_radians(), "{frames:?} beside {avoided:?}");
+        }
+    }
+}
+
+/// Goal: a leg is gone when reference and frames are there, and not before.
+#[test]
+fn a_leg_is_gone_when_reference_and_frames_are_there() {
+    let (_, planner, targets) = rig();
+    let mut guide = Guide::new(planner.clone());
+    guide.set_out(&targets[0]);
+    let leg = leg(guide.order(&at_rest()));
+    let mut actuation = at_rest().actuation;
+    actuation.angle_rad = leg.waypoint.frame_angles;
+    assert!(leg.has_arrived(&leg.waypoint.directions, &actuation));
+    assert!(!leg.has_arrived(&targets[1], &actuation));
+    actuation.angle_rad[0] += 0.1_f64.to_radians();
+    assert!(!leg.has_arrived(&leg.waypoint.directions, &actuation));
+}
