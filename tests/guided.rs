@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use magsteer::control::Directions;
 use magsteer::control::plan::{
-    GivenUp, Guide, Leg, Order, Planner, Posture, Rehearsal, Stance, Told, draw_targets,
+    GivenUp, Guide, Leg, Order, Planner, Posture, Rehearsal, Stance, Told, Waypoint, draw_targets,
 };
 use magsteer::math::angle_between;
 use nalgebra::{Rotation3, Vector3};
@@ -150,6 +150,39 @@ fn a_loop_that_refuses_everything_is_offered_other_frames_then_rest_then_nothing
     assert!(releases > 0, "after {} ways", refused.len());
     assert!(refused.len() >= 2, "{refused:?}");
     assert!(matches!(given_up, GivenUp::Exhausted { refused: 2.., .. }), "{given_up}");
+}
+
+/// Goal: a loop that holds near a snap-through is first of all sent back to where its leg began, and then on a way with other frames.
+#[test]
+fn a_loop_that_holds_is_sent_back_before_anything_else() {
+    let (_, planner, targets) = rig();
+    let posture = planner.from_rest(&targets[0]).expect("within 30 deg").posture;
+    let present = stance(&posture);
+    let mut guide = Guide::new(planner.clone());
+    guide.set_out(&targets[1]);
+    let mut held = leg(guide.order(&present));
+    let mut began =
+        Waypoint { directions: posture.directions, frame_angles: posture.present.actuation.angle_rad };
+    while !held.is_last {
+        began = held.waypoint;
+        guide.tell(Told::Arrived);
+        held = leg(guide.order(&at_rest()));
+    }
+    guide.tell(Told::Held);
+    // Wherever it stands: nothing is planned.
+    let mut nowhere = at_rest();
+    nowhere.predicted = targets[3];
+    let back = leg(guide.order(&nowhere));
+    assert_eq!(back.waypoint.frame_angles, began.frame_angles);
+    assert!(apart(&back.waypoint.directions, &began.directions) < 0.01_f64.to_radians());
+    assert!(!back.is_last);
+    guide.tell(Told::Arrived);
+    let mut next = leg(guide.order(&at_rest()));
+    while !next.is_last {
+        guide.tell(Told::Arrived);
+        next = leg(guide.order(&at_rest()));
+    }
+    assert_ne!(next.waypoint.frame_angles, held.waypoint.frame_angles);
 }
 
 /// Goal: where the model does not find to where the rig is, the currents are let go; where it does not even then, the target is given up.

@@ -106,6 +106,12 @@ impl Judge {
         }
     }
 
+    /// True while every magnet is within [`SETTLED_WITHIN`] of its target.
+    #[must_use]
+    pub fn is_within(&self) -> bool {
+        self.settled_since.is_some()
+    }
+
     /// True once every magnet stays at its target for [`SETTLED_FOR`].
     #[must_use]
     pub fn has_settled(&self) -> bool {

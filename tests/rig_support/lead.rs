@@ -114,6 +114,7 @@ impl<'a> Lead<'a> {
         let words = match told {
             Told::Refused => Some(format!("{verdict:?}")),
             Told::Missed => Some(format!("{error_deg:.1?} deg beside it, {verdict:?}")),
+            Told::Held => Some("held near a snap-through".to_owned()),
             Told::Arrived | Told::Released => None,
         };
         (told, words)
@@ -123,7 +124,7 @@ impl<'a> Lead<'a> {
     fn watch(&mut self, leg: Option<&Leg>, most: f64) -> Seen {
         let mut judge = leg.map(|leg| Judge::new(&leg.waypoint.directions[..MAGNETS]));
         let mut seen = Seen { told: Told::Missed, error_deg: Vec::new(), verdict: Verdict::Unchecked };
-        let (mut time, mut arrived, mut held, mut speed) = (0.0, None, None, 0.0_f64);
+        let (mut time, mut arrived, mut speed) = (0.0, None, 0.0_f64);
         let mut before: Option<Directions> = None;
         let period = self.setup.config.daemon.as_ref().expect("has a daemon").period().as_secs_f64();
         let _ = self.bench.lockstep.run(most, |record, rig| {
@@ -137,22 +138,25 @@ impl<'a> Lead<'a> {
             judge.take(&Observation { time, tangent, current: 0.0 });
             seen.verdict = record.outcome.verdict;
             // The first cycle takes the request.
-            if time > 2.0 * period && matches!(seen.verdict, Verdict::Refused { .. }) {
+            let has_begun = time > 2.0 * period;
+            if has_begun && matches!(seen.verdict, Verdict::Refused { .. }) {
                 seen.told = Told::Refused;
                 return ControlFlow::Break(());
             }
             let is_there = leg.has_arrived(&record.outcome.desired, &record.admitted);
-            arrived = if is_there { arrived.or(Some(time)) } else { None };
-            let stay = if leg.is_last { STAY } else { PASS };
-            let is_held = record.decision.cause == Some(Cause::NearSnapThrough);
-            if !is_there && is_held {
-                held = held.or(Some(time));
+            let holds = has_begun && record.decision.cause == Some(Cause::NearSnapThrough);
+            // Held where the magnets are at the target already, they may settle there.
+            let is_near = leg.is_last && judge.is_within();
+            if holds && !is_there && !is_near {
+                seen.told = Told::Held;
+                return ControlFlow::Break(());
             }
-            let since = arrived.or(held);
-            if since.is_none_or(|since| time < since + stay) {
+            arrived = if is_there || holds { arrived.or(Some(time)) } else { None };
+            let stay = if leg.is_last { STAY } else { PASS };
+            if arrived.is_none_or(|arrived| time < arrived + stay) {
                 return ControlFlow::Continue(());
             }
-            if !leg.is_last && !is_held || leg.is_last && judge.has_settled() {
+            if !leg.is_last || judge.has_settled() {
                 seen.told = Told::Arrived;
             }
             ControlFlow::Break(())

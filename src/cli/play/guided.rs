@@ -97,6 +97,10 @@ impl Session {
                             "{}: the way ended beside its goal, and is planned anew",
                             under_way.label
                         )),
+                        Told::Held => output::note(format_args!(
+                            "{}: the daemon holds near a snap-through: back, and the way is planned anew",
+                            under_way.label
+                        )),
                         Told::Arrived | Told::Released => {}
                     }
                     told
@@ -120,13 +124,19 @@ impl Session {
                     return Seen::Refused { has_begun: false };
                 }
                 let is_there = leg.has_arrived(&status.desired_direction, &status.admitted);
-                arrived = if is_there { arrived.or(Some(Instant::now())) } else { None };
+                let holds = status.cause == Cause::NearSnapThrough.code();
+                arrived = if is_there || holds { arrived.or(Some(Instant::now())) } else { None };
                 let has_stayed = arrived.is_some_and(|arrived| arrived.elapsed() >= stay);
-                let is_done = if leg.is_last { is_there && watched.judge.has_settled() } else { has_stayed };
+                let is_done =
+                    if leg.is_last { (is_there || holds) && watched.judge.has_settled() } else { has_stayed };
                 if is_done {
                     told = Told::Arrived;
                 }
-                let is_held = status.cause == Cause::NearSnapThrough.code();
+                // Held where the magnets are at the target already, they may settle there.
+                let is_held = holds && !is_there && !(leg.is_last && watched.judge.is_within());
+                if is_held {
+                    told = Told::Held;
+                }
                 let is_over = is_done || is_held || has_stayed || begin.elapsed() >= LEG_MAX;
                 if is_over { Seen::Over } else { Seen::UnderWay }
             })?;

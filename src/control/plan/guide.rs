@@ -9,7 +9,8 @@
 //! Every way is planned from the loop's own currents and angles ([`Planner::standing_at`]). The model is asked for directions by which the
 //! magnets, bent as much farther than the model as they are now, point at the target. A way that was refused, or that ended
 //! beside its target, is not tried again: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew
-//! at rest, which everything after two ways in vain is, too. Where the model does not find to where the loop stands, or no way leads
+//! at rest, which everything after two ways in vain is, too. A loop that holds near a snap-through is sent back at once to where
+//! its leg began, before anything is planned. Where the model does not find to where the loop stands, or no way leads
 //! from there to rest, the currents are let go, which is the last resort: a rod whose currents fall all at once may snap on its way.
 //!
 //! What is absent: a loop, a clock, a channel. Whoever steers carries out [`Order`]s and tells what became of them ([`Told`]).
@@ -85,6 +86,8 @@ pub enum Told {
     Refused,
     /// The loop went, and did not come there, or did not settle.
     Missed,
+    /// The loop holds on the way, near a snap-through.
+    Held,
     /// The currents are zero, and the loop is ready to steer again.
     Released,
 }
@@ -112,6 +115,15 @@ pub enum GivenUp {
     Lost,
 }
 
+/// Where a way leads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Heading {
+    Target,
+    Rest,
+    /// To where the leg began on which the loop holds.
+    Back,
+}
+
 /// Leads one loop.
 #[derive(Debug, Clone)]
 pub struct Guide {
@@ -123,8 +135,8 @@ pub struct Guide {
     back: Vec<Waypoint>,
     /// Legs of the present way that are still to be gone.
     legs: VecDeque<Waypoint>,
-    /// True while they lead to rest instead of to the target.
-    is_homeward: bool,
+    /// Where they lead.
+    heading: Heading,
     /// Frame settings that were tried in vain.
     avoided: Vec<Setting>,
     refused: u32,
@@ -149,7 +161,7 @@ impl Guide {
             near: Vec::new(),
             back: Vec::new(),
             legs: VecDeque::new(),
-            is_homeward: false,
+            heading: Heading::Target,
             avoided: Vec::new(),
             refused: 0,
             missed: 0,
@@ -167,7 +179,7 @@ impl Guide {
         self.legs.clear();
         self.avoided.clear();
         (self.refused, self.missed, self.since_rest, self.homeward_failed) = (0, 0, 0, 0);
-        (self.must_release, self.is_homeward, self.is_at_rest, self.is_there) = (false, false, false, false);
+        (self.must_release, self.is_at_rest, self.is_there) = (false, false, false);
     }
 
     /// What is to be done next; `None` once the target is reached.
@@ -182,7 +194,7 @@ impl Guide {
             self.plan(stance)?;
         }
         let leg = |waypoint: &Waypoint| {
-            let is_last = self.legs.len() == 1 && !self.is_homeward;
+            let is_last = self.legs.len() == 1 && self.heading == Heading::Target;
             let directions = if is_last { self.target } else { waypoint.directions };
             Order::Steer(Leg { waypoint: Waypoint { directions, ..*waypoint }, is_last })
         };
@@ -193,9 +205,13 @@ impl Guide {
     pub fn tell(&mut self, told: Told) {
         match told {
             Told::Arrived => {
-                self.back.splice(0..0, self.legs.pop_front());
-                if self.legs.is_empty() {
-                    (self.is_at_rest, self.is_there) = (self.is_homeward, !self.is_homeward);
+                let passed = self.legs.pop_front();
+                if self.heading != Heading::Back {
+                    self.back.splice(0..0, passed);
+                }
+                if self.legs.is_empty() && self.heading != Heading::Back {
+                    self.is_at_rest = self.heading == Heading::Rest;
+                    self.is_there = !self.is_at_rest;
                     (self.since_rest, self.homeward_failed) = (0, 0);
                 }
             }
@@ -204,16 +220,25 @@ impl Guide {
                 (self.must_release, self.is_at_rest) = (false, true);
                 (self.since_rest, self.homeward_failed) = (0, 0);
             }
-            Told::Refused | Told::Missed => {
-                if self.is_homeward {
-                    self.homeward_failed += 1;
-                    self.must_release = self.homeward_failed >= HOMEWARD_MAX;
-                } else {
-                    let failed = if told == Told::Refused { &mut self.refused } else { &mut self.missed };
-                    *failed += 1;
-                    self.avoided.extend(self.legs.back().map(|goal| goal.frame_angles));
+            Told::Refused | Told::Missed | Told::Held => {
+                match self.heading {
+                    Heading::Target => {
+                        let failed = if told == Told::Refused { &mut self.refused } else { &mut self.missed };
+                        *failed += 1;
+                        self.avoided.extend(self.legs.back().map(|goal| goal.frame_angles));
+                    }
+                    Heading::Rest => {
+                        self.homeward_failed += 1;
+                        self.must_release = self.homeward_failed >= HOMEWARD_MAX;
+                    }
+                    // The next way begins wherever that ended.
+                    Heading::Back => {}
                 }
                 self.legs.clear();
+                let back = self.back.first().filter(|_| told == Told::Held && self.heading != Heading::Back);
+                if let Some(back) = back {
+                    (self.legs, self.heading) = (VecDeque::from([*back]), Heading::Back);
+                }
             }
         }
     }
@@ -239,10 +264,10 @@ impl Guide {
         match (plan, home) {
             (Some(Ok(plan)), home) if !home.as_ref().is_some_and(|home| plan.waypoints.starts_with(home)) => {
                 self.near.insert(0, plan.posture);
-                (self.legs, self.is_homeward) = (plan.waypoints.into(), false);
+                (self.legs, self.heading) = (plan.waypoints.into(), Heading::Target);
                 (self.since_rest, self.is_at_rest) = (self.since_rest + 1, false);
             }
-            (_, Some(home)) => (self.legs, self.is_homeward) = (home.into(), true),
+            (_, Some(home)) => (self.legs, self.heading) = (home.into(), Heading::Rest),
             _ if !self.is_at_rest => self.must_release = true,
             (Some(Err(unreached)), _) if refused + missed == 0 => return Err(GivenUp::Unreached(unreached)),
             _ => return Err(exhausted),

@@ -17,6 +17,9 @@
 //! from rest, where currents are zero and frames turn freely; of those that arrive, the one whose worst posture on the way is best is
 //! taken ([`Planner`]). Global in the frames, and every way it returns was walked: nothing is inferred between.
 //!
+//! Of those, ways that the loop's scout would let pass come first. A plan begins where the model is; a loop's currents go their own way in
+//! the null space, so whoever leads a loop plans each way from where it stands ([`Guide`]).
+//!
 //! What is absent: time. A plan holds for motion slow against the rod's first mode; the loop's reference sees to that.
 
 mod config;
