@@ -183,7 +183,7 @@ fn play(
     let Some(mut session) = pair.ready(stop)? else { return Ok(None) };
     session.arm(READY_WAIT)?;
     session.request(verb::GO, "go")?;
-    let played = session.play(experiment, description, stop).map_err(|error| pair.explain(error))?;
+    let played = session.play(experiment, None, description, stop).map_err(|error| pair.explain(error))?;
     Ok(stop.requested().is_none().then_some(played))
 }
 

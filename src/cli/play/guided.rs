@@ -2,14 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use magsteer::config::{Experiment, ExperimentStep, Until};
+use magsteer::config::Until;
 use magsteer::control::plan::{Guide, Leg, Order, Stance, Told};
 use magsteer::daemon::step_response::StepResponse;
-use magsteer::daemon::{StopFlag, TimingSummary};
+use magsteer_hal::Stamp;
 use magsteer_hal::operator::{Cause, StatusMessage, state, verb, verdict};
-use magsteer_hal::{HardwareDescription, Stamp};
 
-use super::session::{Played, Seen, Session};
+use super::session::{Seen, Session, UnderWay};
 use super::watched::Watched;
 use crate::cli::operator::target_request;
 use crate::cli::output;
@@ -23,54 +22,23 @@ const LEG_MAX: Duration = Duration::from_secs(20);
 /// How long to wait until the daemon is in another state: a ramp to zero takes some tenths of a second.
 const STATE_WAIT: Duration = Duration::from_secs(10);
 
-/// A step under way.
-struct Step<'a> {
-    label: &'a str,
-    rig: &'a HardwareDescription,
-    target: &'a [[f64; 3]],
-    stop: &'a StopFlag,
-}
-
 impl Session {
-    /// Plays every step of `experiment` on ways of `guide`; stops early when `stop` is set. A step lasts for its duration once the
-    /// magnets are there, or ends then if it is to end when they have settled. One that is given up ends so.
+    /// Carries out the orders of `guide`, which has set out, to the end of a step; `None` when it was broken off. A step lasts for its
+    /// duration once the magnets are there, or ends then if it is to end when they have settled. One that is given up ends so.
     ///
     /// # Errors
     /// When the daemon refuses what is asked, stops steering or falls silent.
-    pub fn play_guided(
-        mut self,
-        guide: &mut Guide,
-        experiment: &Experiment,
-        rig: &HardwareDescription,
-        stop: &StopFlag,
-    ) -> anyhow::Result<Played> {
-        let magnets: Vec<String> = rig.magnets().map(|magnet| magnet.name.clone()).collect();
-        let mut steps = Vec::new();
-        for (index, step) in experiment.steps.iter().enumerate() {
-            let label = format!("step {}/{}", index + 1, experiment.steps.len());
-            let directions = experiment.target(step, rig).directions;
-            let under_way = Step { label: &label, rig, target: &directions[..magnets.len()], stop };
-            guide.set_out(&directions);
-            let Some(response) = self.lead(guide, &under_way, step)? else { break };
-            steps.push(response);
-        }
-        let timing = self.client.newest_status(Stamp::now()).map(|status| TimingSummary::of_status(&status));
-        Ok(Played { magnets, steps, judged_by_truth: self.truth.is_some(), timing })
-    }
-
-    /// Carries out the guide's orders to the end of a step; `None` when it was broken off.
-    fn lead(
+    pub(super) fn lead(
         &mut self,
         guide: &mut Guide,
-        under_way: &Step<'_>,
-        step: &ExperimentStep,
+        under_way: &UnderWay<'_>,
     ) -> anyhow::Result<Option<StepResponse>> {
         let mut watched = Watched::new(Stamp::now(), under_way.target);
         loop {
             let status = self.wait_for(&[state::ACTIVE, state::HOLDING], STATE_WAIT)?;
             let order = match guide.order(&stance(&status)) {
                 Ok(Some(order)) => order,
-                Ok(None) => return self.stay(under_way, step, &mut watched),
+                Ok(None) => return self.stay(under_way, &mut watched),
                 Err(given_up) => {
                     output::note(format_args!("{}: {given_up}", under_way.label));
                     // So that there is something to judge, however soon it was given up.
@@ -111,35 +79,39 @@ impl Session {
     }
 
     /// Sends the loop along a leg; what became of it, `None` when it was broken off.
-    fn go(&mut self, leg: &Leg, under_way: &Step<'_>, watched: &mut Watched) -> anyhow::Result<Option<Told>> {
+    fn go(
+        &mut self,
+        leg: &Leg,
+        under_way: &UnderWay<'_>,
+        watched: &mut Watched,
+    ) -> anyhow::Result<Option<Told>> {
         self.send(target_request(&leg.waypoint.target(), under_way.rig), "target")?;
         let begin = Instant::now();
         let mut arrived = None;
         let mut told = Told::Missed;
         let stay = if leg.is_last { SETTLE_MAX } else { PASS };
-        let seen =
-            self.see_through(under_way.shown(), watched, under_way.stop, |watched: &Watched, status| {
-                if status.target_verdict == verdict::REFUSED {
-                    told = Told::Refused;
-                    return Seen::Refused { has_begun: false };
-                }
-                let is_there = leg.has_arrived(&status.desired_direction, &status.admitted);
-                let holds = status.cause == Cause::NearSnapThrough.code();
-                arrived = if is_there || holds { arrived.or(Some(Instant::now())) } else { None };
-                let has_stayed = arrived.is_some_and(|arrived| arrived.elapsed() >= stay);
-                let is_done =
-                    if leg.is_last { (is_there || holds) && watched.judge.has_settled() } else { has_stayed };
-                if is_done {
-                    told = Told::Arrived;
-                }
-                // Held where the magnets are at the target already, they may settle there.
-                let is_held = holds && !is_there && !(leg.is_last && watched.judge.is_within());
-                if is_held {
-                    told = Told::Held;
-                }
-                let is_over = is_done || is_held || has_stayed || begin.elapsed() >= LEG_MAX;
-                if is_over { Seen::Over } else { Seen::UnderWay }
-            })?;
+        let seen = self.see_through(under_way, watched, |watched, status| {
+            if status.target_verdict == verdict::REFUSED {
+                told = Told::Refused;
+                return Seen::Refused { has_begun: false };
+            }
+            let is_there = leg.has_arrived(&status.desired_direction, &status.admitted);
+            let holds = status.cause == Cause::NearSnapThrough.code();
+            arrived = if is_there || holds { arrived.or(Some(Instant::now())) } else { None };
+            let has_stayed = arrived.is_some_and(|arrived| arrived.elapsed() >= stay);
+            let is_done =
+                if leg.is_last { (is_there || holds) && watched.judge.has_settled() } else { has_stayed };
+            if is_done {
+                told = Told::Arrived;
+            }
+            // Held where the magnets are at the target already, they may settle there.
+            let is_held = holds && !is_there && !(leg.is_last && watched.judge.is_within());
+            if is_held {
+                told = Told::Held;
+            }
+            let is_over = is_done || is_held || has_stayed || begin.elapsed() >= LEG_MAX;
+            if is_over { Seen::Over } else { Seen::UnderWay }
+        })?;
         Ok(seen.map(|_| told))
     }
 
@@ -155,34 +127,27 @@ impl Session {
     /// Stays at a target that was reached.
     fn stay(
         &mut self,
-        under_way: &Step<'_>,
-        step: &ExperimentStep,
+        under_way: &UnderWay<'_>,
         watched: &mut Watched,
     ) -> anyhow::Result<Option<StepResponse>> {
-        if step.until == Some(Until::Settled) {
+        if under_way.step.until == Some(Until::Settled) {
             return Ok(Some(watched.judge.verdict()));
         }
-        self.see(under_way, watched, Duration::from_secs_f64(step.duration_s))
+        self.see(under_way, watched, Duration::from_secs_f64(under_way.step.duration_s))
     }
 
     /// Watches for a time.
     fn see(
         &mut self,
-        under_way: &Step<'_>,
+        under_way: &UnderWay<'_>,
         watched: &mut Watched,
         time: Duration,
     ) -> anyhow::Result<Option<StepResponse>> {
         let begin = Instant::now();
-        let seen = self.see_through(under_way.shown(), watched, under_way.stop, |_, _| {
+        let seen = self.see_through(under_way, watched, |_, _| {
             if begin.elapsed() >= time { Seen::Over } else { Seen::UnderWay }
         })?;
         Ok(seen.map(|_| watched.judge.verdict()))
-    }
-}
-
-impl<'a> Step<'a> {
-    fn shown(&self) -> (&'a str, &'a HardwareDescription, &'a [[f64; 3]]) {
-        (self.label, self.rig, self.target)
     }
 }
 

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use magsteer::config::{Experiment, ExperimentStep, Until};
+use magsteer::control::plan::Guide;
 use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::HardwareDescription;
@@ -42,6 +43,16 @@ impl Played {
     }
 }
 
+/// A step under way.
+pub(super) struct UnderWay<'a> {
+    pub(super) label: &'a str,
+    pub(super) rig: &'a HardwareDescription,
+    /// Unit tangents, one a magnet.
+    pub(super) target: &'a [[f64; 3]],
+    pub(super) step: &'a ExperimentStep,
+    pub(super) stop: &'a StopFlag,
+}
+
 /// What a look at the daemon's status tells of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Seen {
@@ -56,7 +67,7 @@ pub(super) enum Seen {
 /// An operator's session with a daemon.
 pub struct Session {
     pub(super) client: OperatorClient,
-    pub(super) truth: Option<TruthObserver>,
+    truth: Option<TruthObserver>,
 }
 
 impl Session {
@@ -72,13 +83,14 @@ impl Session {
         Ok(Self { client, truth })
     }
 
-    /// Plays every step of `experiment`; stops early when `stop` is set.
+    /// Plays every step of `experiment`, on ways of `guide` where there is one; stops early when `stop` is set.
     ///
     /// # Errors
     /// When a target is refused, or the daemon stops steering or falls silent.
     pub fn play(
         mut self,
         experiment: &Experiment,
+        mut guide: Option<&mut Guide>,
         rig: &HardwareDescription,
         stop: &StopFlag,
     ) -> anyhow::Result<Played> {
@@ -86,12 +98,20 @@ impl Session {
         let mut steps = Vec::new();
         for (index, step) in experiment.steps.iter().enumerate() {
             let asked = experiment.target(step, rig);
-            self.send(target_request(&asked, rig), "target")?;
             let label = format!("step {}/{}", index + 1, experiment.steps.len());
-            let target = &asked.directions[..magnets.len()];
-            let Some(response) = self.play_step(&label, (rig, target), step, stop)? else {
-                break;
+            let under_way =
+                UnderWay { label: &label, rig, target: &asked.directions[..magnets.len()], step, stop };
+            let response = match &mut guide {
+                None => {
+                    self.send(target_request(&asked, rig), "target")?;
+                    self.play_step(&under_way)?
+                }
+                Some(guide) => {
+                    guide.set_out(&asked.directions);
+                    self.lead(guide, &under_way)?
+                }
             };
+            let Some(response) = response else { break };
             steps.push(response);
         }
         let timing = self.client.newest_status(Stamp::now()).map(|status| TimingSummary::of_status(&status));
@@ -99,17 +119,12 @@ impl Session {
     }
 
     /// Watches one step to its end; `None` when it was broken off.
-    fn play_step(
-        &mut self,
-        label: &str,
-        (rig, target): (&HardwareDescription, &[[f64; 3]]),
-        step: &ExperimentStep,
-        stop: &StopFlag,
-    ) -> anyhow::Result<Option<StepResponse>> {
+    fn play_step(&mut self, under_way: &UnderWay<'_>) -> anyhow::Result<Option<StepResponse>> {
+        let UnderWay { label, target, step, .. } = under_way;
         let begin = Stamp::now();
         let duration = Duration::from_secs_f64(step.duration_s);
         let mut watched = Watched::new(begin, target);
-        let ended = self.see_through((label, rig, target), &mut watched, stop, |watched, status| {
+        let ended = self.see_through(under_way, &mut watched, |watched, status| {
             let refused = status.target_verdict == verdict::REFUSED;
             if refused || status.cause == Cause::NearSnapThrough.code() {
                 return Seen::Refused { has_begun: !refused };
@@ -134,11 +149,11 @@ impl Session {
     /// When the daemon stops steering or falls silent.
     pub(super) fn see_through(
         &mut self,
-        (label, rig, target): (&str, &HardwareDescription, &[[f64; 3]]),
+        under_way: &UnderWay<'_>,
         watched: &mut Watched,
-        stop: &StopFlag,
         mut look: impl FnMut(&Watched, &StatusMessage) -> Seen,
     ) -> anyhow::Result<Option<Seen>> {
+        let UnderWay { label, rig, target, stop, .. } = *under_way;
         let mut line = LiveLine::new();
         let begin = Stamp::now();
         self.discard_truth();

@@ -42,7 +42,8 @@ pub struct Play {
     #[arg(long)]
     dry_run: bool,
     /// Find the ways: to every target one is planned from where the rig is, with the frames where they suit, and planned anew when
-    /// the daemon refuses a part of it or the magnets end beside the target. Needs [control.plan].
+    /// the daemon refuses a part of it or the magnets end beside the target. Where no way leads on, the currents go to zero and the next
+    /// way begins at rest. Needs [control.plan].
     #[arg(long, conflicts_with_all = ["dry_run", "unchecked"])]
     plan: bool,
     /// Play without walking the steps in the model first. The daemon looks at the way to each target all the same.
@@ -140,7 +141,7 @@ pub(super) fn play_and_tell(
     rig: &RigArgs,
     description: &HardwareDescription,
     experiment: &Experiment,
-    guide: Option<Guide>,
+    mut guide: Option<Guide>,
     json: bool,
 ) -> anyhow::Result<Exit> {
     let endpoint = rig.endpoint(None)?;
@@ -149,13 +150,7 @@ pub(super) fn play_and_tell(
         &stop,
         false,
         || (),
-        || {
-            let session = Session::open(&endpoint, STATUS_WAIT)?;
-            match guide {
-                None => session.play(experiment, description, &stop),
-                Some(mut guide) => session.play_guided(&mut guide, experiment, description, &stop),
-            }
-        },
+        || Session::open(&endpoint, STATUS_WAIT)?.play(experiment, guide.as_mut(), description, &stop),
     )??;
     if stop.requested().is_some() {
         output::note("broken off; the last targets stay set");

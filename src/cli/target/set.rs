@@ -44,7 +44,8 @@ pub struct Set {
     #[arg(long, value_name = "NAME=DEG,...", allow_hyphen_values = true)]
     frames: Option<NamedAngles>,
     /// Find the way: it is planned from where the rig is, with the frames where they suit, and planned anew when the daemon refuses a
-    /// part of it or the magnets end beside the target. Waits until they have settled. Needs [control.plan].
+    /// part of it or the magnets end beside the target. Where no way leads on, the currents go to zero and the next way begins at
+    /// rest. Waits until the magnets have settled. Needs [control.plan].
     #[arg(long, conflicts_with_all = ["frames", "wait", "dry_run"])]
     plan: bool,
     /// Wait until the magnets are there.
