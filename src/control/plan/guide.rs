@@ -8,7 +8,7 @@
 //! # Method
 //! Every way is planned from the loop's own currents and angles ([`Planner::standing_at`]). The model is asked for directions by which the
 //! magnets, bent as much farther than the model as they are now, point at the target. A way that was refused, or that ended
-//! beside its target, is not tried again while there are others: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew
+//! beside its target, is not tried again: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew
 //! at rest, which everything after two ways in vain is, too. A loop that holds near a snap-through is sent back at once to where
 //! its leg began, before anything is planned. Where the model does not find to where the loop stands, or no way leads
 //! from there to rest, the currents are let go, which is the last resort: a rod whose currents fall all at once may snap on its way.
@@ -275,17 +275,10 @@ impl Guide {
         Ok(())
     }
 
-    /// The best way to where the magnets are expected to point at the target; to where the model does, if there is none. At rest, where
-    /// nothing else is left, also one that was tried in vain, or that the currents left over from steering seem to forbid.
+    /// The best way to where the magnets are expected to point at the target; to where the model does, if there is none.
     fn way(&self, standing: &Standing, stance: &Stance) -> Result<Plan, Unreached> {
-        let corrected = self.corrected(stance);
-        let other = |target: &Directions| self.planner.plan_avoiding(standing, target, &self.avoided);
-        let plan = other(&corrected).or_else(|_| other(&self.target));
-        if !self.is_at_rest {
-            return plan;
-        }
-        let again = |target: &Directions| self.planner.from_rest(target);
-        plan.or_else(|_| again(&corrected)).or_else(|_| again(&self.target))
+        let to = |target: &Directions| self.planner.plan_avoiding(standing, target, &self.avoided);
+        to(&self.corrected(stance)).or_else(|_| to(&self.target))
     }
 
     /// Where the model must point for the magnets to point at the target, as far as they are off now.
