@@ -153,6 +153,16 @@ fn planned_ways_lead_out_of_the_plane_and_need_a_daemon_that_steers() {
     let angles = operator.until(|_| true).measured.angle_rad;
     assert!(angles.iter().any(|angle| angle.abs() > 0.1), "the frames were turned: {angles:?}");
 
+    // Who holds the rig has the last word: nothing is led on, let go or armed again.
+    assert_eq!(operator.ask(verb::HOLD), Some(0));
+    operator.until_state(state::HOLDING);
+    let held = output(target(&world, &["set", "m1=0.9,-0.3,0.316", "m2=0.6,0.3,-0.742", "--plan"]));
+    assert_eq!(held.status.code(), Some(1), "{}", said(&held));
+    assert!(said(&held).contains("the daemon holds"), "{}", said(&held));
+    assert_eq!(operator.until(|_| true).state, state::HOLDING);
+    assert_eq!(operator.ask(verb::GO), Some(0));
+    operator.until_state(state::ACTIVE);
+
     let script = world.root.path().join("aside.csv");
     let header = "duration_s,m1x,m1y,m1z,m2x,m2y,m2z";
     let script_name = script.to_str().expect("UTF-8");

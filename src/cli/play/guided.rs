@@ -2,14 +2,17 @@
 
 use std::time::{Duration, Instant};
 
+use anyhow::anyhow;
 use magsteer::config::Until;
 use magsteer::control::plan::{Guide, Leg, Order, Stance, Told};
+use magsteer::daemon::StopFlag;
 use magsteer::daemon::step_response::StepResponse;
 use magsteer_hal::Stamp;
 use magsteer_hal::operator::{Cause, StatusMessage, state, verb, verdict};
 
-use super::session::{Seen, Session, UnderWay};
+use super::session::{POLL, Seen, Session, UnderWay};
 use super::watched::Watched;
+use crate::cli::exit::{Exit, Failure};
 use crate::cli::operator::target_request;
 use crate::cli::output;
 
@@ -19,6 +22,8 @@ const PASS: Duration = Duration::from_millis(500);
 const SETTLE_MAX: Duration = Duration::from_secs(3);
 /// How long a leg may take: frames turn half a turn in four seconds.
 const LEG_MAX: Duration = Duration::from_secs(20);
+/// How long a hold lasts that ends by itself, at most: sensing that does not come back stops the daemon sooner.
+const HOLD_MAX: Duration = Duration::from_secs(1);
 /// How long to wait until the daemon is in another state: a ramp to zero takes some tenths of a second.
 const STATE_WAIT: Duration = Duration::from_secs(10);
 
@@ -35,7 +40,7 @@ impl Session {
     ) -> anyhow::Result<Option<StepResponse>> {
         let mut watched = Watched::new(Stamp::now(), under_way.target);
         loop {
-            let status = self.wait_for(&[state::ACTIVE, state::HOLDING], STATE_WAIT)?;
+            let status = self.free_status()?;
             let order = match guide.order(&stance(&status)) {
                 Ok(Some(order)) => order,
                 Ok(None) => return self.stay(under_way, &mut watched),
@@ -51,7 +56,9 @@ impl Session {
                         "{}: no way leads on from here: the currents are let go, and the next way begins at rest",
                         under_way.label
                     ));
-                    self.release()?;
+                    if !self.release(under_way.stop)? {
+                        return Ok(None);
+                    }
                     Told::Released
                 }
                 Order::Steer(leg) => {
@@ -88,12 +95,18 @@ impl Session {
         self.send(target_request(&leg.waypoint.target(), under_way.rig), "target")?;
         let begin = Instant::now();
         let mut arrived = None;
-        let mut told = Told::Missed;
+        let mut told = Some(Told::Missed);
+        let mut held_since = None;
         let stay = if leg.is_last { SETTLE_MAX } else { PASS };
         let seen = self.see_through(under_way, watched, |watched, status| {
             if status.target_verdict == verdict::REFUSED {
-                told = Told::Refused;
+                told = Some(Told::Refused);
                 return Seen::Refused { has_begun: false };
+            }
+            held_since = is_held_by_hand(status).then(|| held_since.unwrap_or_else(Instant::now));
+            if held_since.is_some_and(|since: Instant| since.elapsed() > HOLD_MAX) {
+                told = None;
+                return Seen::Over;
             }
             let is_there = leg.has_arrived(&status.desired_direction, &status.admitted);
             let holds = status.cause == Cause::NearSnapThrough.code();
@@ -102,26 +115,49 @@ impl Session {
             let is_done =
                 if leg.is_last { (is_there || holds) && watched.judge.has_settled() } else { has_stayed };
             if is_done {
-                told = Told::Arrived;
+                told = Some(Told::Arrived);
             }
             // Held where the magnets are at the target already, they may settle there.
             let is_held = holds && !is_there && !(leg.is_last && watched.judge.is_within());
             if is_held {
-                told = Told::Held;
+                told = Some(Told::Held);
             }
             let is_over = is_done || is_held || has_stayed || begin.elapsed() >= LEG_MAX;
             if is_over { Seen::Over } else { Seen::UnderWay }
         })?;
-        Ok(seen.map(|_| told))
+        match (seen, told) {
+            (None, _) => Ok(None),
+            (Some(_), Some(told)) => Ok(Some(told)),
+            (Some(_), None) => Err(held_by_hand()),
+        }
     }
 
-    /// Lets the currents go to zero, then arms and goes.
-    fn release(&mut self) -> anyhow::Result<()> {
+    /// The status of a daemon that nobody holds.
+    fn free_status(&mut self) -> anyhow::Result<StatusMessage> {
+        let begin = Instant::now();
+        loop {
+            let status = self.wait_for(&[state::ACTIVE, state::HOLDING], STATE_WAIT)?;
+            if !is_held_by_hand(&status) {
+                return Ok(status);
+            }
+            if begin.elapsed() > HOLD_MAX {
+                return Err(held_by_hand());
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    /// Lets the currents go to zero, then arms and goes; false, and the daemon left idle, when it was broken off.
+    fn release(&mut self, stop: &StopFlag) -> anyhow::Result<bool> {
         self.request(verb::STOP, "stop")?;
         self.wait_for(&[state::IDLE], STATE_WAIT)?;
+        if stop.requested().is_some() {
+            return Ok(false);
+        }
         self.arm(STATE_WAIT)?;
         self.request(verb::GO, "go")?;
-        self.wait_for(&[state::ACTIVE, state::HOLDING], STATE_WAIT).map(drop)
+        self.wait_for(&[state::ACTIVE, state::HOLDING], STATE_WAIT)?;
+        Ok(true)
     }
 
     /// Stays at a target that was reached.
@@ -149,6 +185,17 @@ impl Session {
         })?;
         Ok(seen.map(|_| watched.judge.verdict()))
     }
+}
+
+/// True when the daemon holds, and not because a snap-through is near: because somebody asked it to, or for a moment without sensing.
+fn is_held_by_hand(status: &StatusMessage) -> bool {
+    status.state == state::HOLDING && status.cause != Cause::NearSnapThrough.code()
+}
+
+/// Whoever holds the rig has the last word.
+fn held_by_hand() -> anyhow::Error {
+    let message = anyhow!("the daemon holds, and is not led on: `magsteer go`, then once more");
+    Failure::with(Exit::No, message)
 }
 
 fn stance(status: &StatusMessage) -> Stance {
