@@ -10,7 +10,7 @@ use magsteer::daemon::step_response::StepResponse;
 use magsteer_hal::Stamp;
 use magsteer_hal::operator::{Cause, StatusMessage, state, verb, verdict};
 
-use super::session::{POLL, Seen, Session, UnderWay};
+use super::session::{POLL, Seen, Session, UnderWay, stopped};
 use super::watched::Watched;
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::operator::target_request;
@@ -132,11 +132,16 @@ impl Session {
         }
     }
 
-    /// The status of a daemon that nobody holds.
+    /// The status of a daemon that steers, and that nobody holds.
     fn free_status(&mut self) -> anyhow::Result<StatusMessage> {
+        const AFTER_A_LEG: [u32; 5] =
+            [state::ACTIVE, state::HOLDING, state::IDLE, state::SAFE_STOP, state::FAULT];
         let begin = Instant::now();
         loop {
-            let status = self.wait_for(&[state::ACTIVE, state::HOLDING], STATE_WAIT)?;
+            let status = self.wait_for(&AFTER_A_LEG, STATE_WAIT)?;
+            if !matches!(status.state, state::ACTIVE | state::HOLDING) {
+                return Err(stopped(&status));
+            }
             if !is_held_by_hand(&status) {
                 return Ok(status);
             }

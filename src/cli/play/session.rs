@@ -170,8 +170,7 @@ impl Session {
             let Some(status) = watched.newest else { continue };
             if !matches!(status.state, state::ACTIVE | state::HOLDING) {
                 line.end();
-                let why = anyhow!("the daemon stopped steering: it is {}", describe(&status));
-                return Err(Failure::with(Exit::No, why));
+                return Err(stopped(&status));
             }
             let text = || live((label, watched.begin()), rig, target, &status, watched.lateness_max_us);
             if status.header.source_stamp() <= begin {
@@ -219,6 +218,11 @@ impl Session {
         let (reason, state) = (cause::text(answer.cause), state::name(answer.state));
         Err(Failure::with(Exit::No, anyhow!("{name} refused: {reason} (the daemon is {state})")))
     }
+}
+
+/// A daemon that steered does no longer.
+pub(super) fn stopped(status: &StatusMessage) -> anyhow::Error {
+    Failure::with(Exit::No, anyhow!("the daemon stopped steering: it is {}", describe(status)))
 }
 
 /// State and cause of a daemon in words.
