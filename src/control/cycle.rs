@@ -420,6 +420,7 @@ impl Step for Cycle {
             age: input.pose_age,
             predicted: &predicted,
             converged: report.converged,
+            margin: report.margin,
             period: input.period,
         });
         let mut outcome = CycleOutcome {

@@ -9,10 +9,12 @@
 //! | `T` | time constant of its estimate, s |
 //!
 //! The statics know where the rod comes to rest, and not how it gets there. Predictions are therefore passed
-//! through the rod's first mode, a second-order response of frequency `f` and damping ratio `z`, and
-//! remembered; a pose is compared with the prediction of its own moment, however late it comes. What then
-//! differs is the model's error, and whatever else turns the magnets, not the rod's motion. It is filtered
-//! with `T` over the time between exposures, whatever their rate. Tangents out of line by more than is
+//! through the rod's first mode, a second-order response of frequency `f` and damping ratio `z` where nothing
+//! loads the rod, and remembered; a pose is compared with the prediction of its own moment, however late it
+//! comes. Loads leave the mode's mass and damping as they are and its stiffness a share `s`, the margin of
+//! stability: near a snap-through the rod follows `1 / s` times as late, and to take that for bias would
+//! drive it on into the snap. What then differs is the model's error, and whatever else turns the magnets, not
+//! the rod's motion. It is filtered with `T` over the time between exposures, whatever their rate. Tangents out of line by more than is
 //! credible move the estimate no more than the credible would: a jump, or a sensor that lies for a while,
 //! shifts it slowly. Predictions that leap as no rod can, since currents or angles are measured wrongly or
 //! the model has lost its way, teach nothing and are not to be steered by until a time `T` has passed
@@ -43,6 +45,11 @@ const SPEED_MAX: f64 = 1000.0_f64.to_radians();
 /// 0.3 degrees at most.
 const NOISE_MAX: f64 = 1.0_f64.to_radians();
 
+/// Shares of its stiffness that the mode is taken to have at least and at most: what is no number counts as the least.
+const STIFFNESS: [f64; 2] = [0.05, 20.0];
+/// Phase below which an oscillation is a straight line to all digits.
+const PHASE_MIN: f64 = 1e-9;
+
 /// `[control.disturbance]`: how the model's bias is learnt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -51,9 +58,9 @@ pub struct DisturbanceConfig {
     pub tracking_per_s: f64,
     /// Time constant of the estimate, ms, > 0.
     pub time_constant_ms: f64,
-    /// Frequency of the manipulator's first mode, Hz, > 0.
+    /// Frequency of the manipulator's first mode where nothing loads it, Hz, > 0.
     pub mode_frequency_hz: f64,
-    /// Its damping ratio, above 0 and below 1.
+    /// Its damping ratio there, above 0 and below 1.
     pub mode_damping_ratio: f64,
     /// By how much more the measured actuation lags behind the field, ms, 0 to 400.
     pub delay_ms: f64,
@@ -80,6 +87,8 @@ pub(super) struct Prediction<'a> {
     pub(super) tangents: &'a Directions,
     /// False while the model has not caught up with the actuation.
     pub(super) converged: bool,
+    /// The model's margin of stability.
+    pub(super) margin: f64,
     /// Time since the previous cycle, s.
     pub(super) period: f64,
 }
@@ -134,7 +143,8 @@ impl Disturbance {
             self.astray = self.elapsed;
         }
         self.newest = *prediction.tangents;
-        let answered = self.mode.answer(prediction.tangents, self.magnets, prediction.period);
+        let stiffness = prediction.margin.max(STIFFNESS[0]).min(STIFFNESS[1]);
+        let answered = self.mode.answer(prediction.tangents, self.magnets, stiffness, prediction.period);
         self.past.push(&answered, prediction.period);
     }
 
@@ -199,8 +209,8 @@ fn rotation_between(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     from.cross(&logarithm(from, to))
 }
 
-/// The response of the rod's first mode to where it would rest: `x'' + 2 z w x' + w^2 x = w^2 p`, every
-/// component alike.
+/// The response of the rod's first mode to where it would rest: `x'' + 2 z w x' + s w^2 x = s w^2 p`, every
+/// component alike; `s` is the share of the stiffness that loads leave.
 #[derive(Debug, Clone)]
 struct Mode {
     /// `w`, rad/s.
@@ -215,15 +225,14 @@ impl Mode {
         Self { frequency: std::f64::consts::TAU * frequency_hz, damping, state: None }
     }
 
-    /// Where the rod is `period` seconds later, with `resting` held meanwhile: exact, whatever the period.
-    fn answer(&mut self, resting: &Directions, magnets: usize, period: f64) -> Directions {
+    /// Where the rod is `period` seconds later, with `resting` and `stiffness` held meanwhile: exact, whatever the period.
+    fn answer(&mut self, resting: &Directions, magnets: usize, stiffness: f64, period: f64) -> Directions {
         let at_rest = || resting.map(|tangent| [Vector3::from(tangent), Vector3::zeros()]);
         let state = self.state.get_or_insert_with(at_rest);
-        let damped = (1.0 - self.damping * self.damping).sqrt();
         let time = self.frequency * period;
+        let [cosine, sine] = oscillation(stiffness - self.damping * self.damping, time);
         let decay = (-self.damping * time).exp();
-        let (sine, cosine) = (damped * time).sin_cos();
-        let (sine, cosine) = (decay * sine / damped, decay * cosine);
+        let (sine, cosine) = (decay * sine, decay * cosine);
         let mut answered = *resting;
         for ((state, answered), resting) in state.iter_mut().zip(&mut answered).zip(resting).take(magnets) {
             let resting = Vector3::from(*resting);
@@ -231,12 +240,24 @@ impl Mode {
             let away = place - resting;
             *state = [
                 resting + away * (cosine + self.damping * sine) + speed * sine,
-                speed * (cosine - self.damping * sine) - away * sine,
+                speed * (cosine - self.damping * sine) - away * (stiffness * sine),
             ];
             *answered = state[0].into();
         }
         answered
     }
+}
+
+/// `cos(d t)` and `sin(d t) / d` with `d^2 = square`, which may be negative: the two solutions of `y'' = -square y`.
+fn oscillation(square: f64, time: f64) -> [f64; 2] {
+    let root = square.abs().sqrt();
+    let phase = root * time;
+    if phase < PHASE_MIN {
+        return [1.0, time];
+    }
+    let [cosine, sine] =
+        if square > 0.0 { [phase.cos(), phase.sin()] } else { [phase.cosh(), phase.sinh()] };
+    [cosine, sine / root]
 }
 
 #[cfg(test)]

@@ -37,6 +37,8 @@ pub(super) struct Seen<'a> {
     pub(super) predicted: &'a Directions,
     /// False while the model has not caught up with the actuation.
     pub(super) converged: bool,
+    /// The model's margin of stability.
+    pub(super) margin: f64,
     /// Time since the previous cycle, s.
     pub(super) period: f64,
 }
@@ -70,8 +72,8 @@ impl Feedback {
     /// Takes what a cycle knows of the magnets; call it every cycle.
     pub(super) fn observe(&mut self, seen: &Seen<'_>) {
         let Some(disturbance) = &mut self.disturbance else { return };
-        let Seen { predicted: tangents, converged, period, .. } = *seen;
-        disturbance.predict(&Prediction { tangents, converged, period });
+        let Seen { predicted: tangents, converged, margin, period, .. } = *seen;
+        disturbance.predict(&Prediction { tangents, converged, margin, period });
         if let Some(pose) = seen.fresh {
             disturbance.learn(pose, seen.age);
         }

@@ -131,8 +131,10 @@ pub struct Guide {
     target: Directions,
     /// Postures of the model near which the loop may stand.
     near: Vec<Posture>,
-    /// Where the loop came from, the last waypoint first.
+    /// Where the model came from, the last waypoint first.
     back: Vec<Waypoint>,
+    /// Where the magnets and frames were when the present leg began.
+    begun: Waypoint,
     /// Legs of the present way that are still to be gone.
     legs: VecDeque<Waypoint>,
     /// Where they lead.
@@ -157,6 +159,7 @@ impl Guide {
     pub fn new(planner: Planner) -> Self {
         Self {
             target: planner.rest().posture.directions,
+            begun: Waypoint { directions: planner.rest().posture.directions, frame_angles: Setting::default() },
             planner,
             near: Vec::new(),
             back: Vec::new(),
@@ -193,12 +196,20 @@ impl Guide {
         if self.legs.is_empty() && !self.must_release {
             self.plan(stance)?;
         }
-        let leg = |waypoint: &Waypoint| {
-            let is_last = self.legs.len() == 1 && self.heading == Heading::Target;
-            let directions = if is_last { self.target } else { waypoint.directions };
-            Order::Steer(Leg { waypoint: Waypoint { directions, ..*waypoint }, is_last })
+        let Some(waypoint) = self.legs.front() else { return Ok(Some(Order::Release)) };
+        let is_last = self.legs.len() == 1 && self.heading == Heading::Target;
+        let directions = match self.heading {
+            Heading::Back => waypoint.directions,
+            Heading::Target if is_last => self.target,
+            Heading::Target | Heading::Rest => {
+                turned(&waypoint.directions, &stance.predicted, &stance.measured)
+            }
         };
-        Ok(Some(self.legs.front().map_or(Order::Release, leg)))
+        if self.heading != Heading::Back {
+            self.begun =
+                Waypoint { directions: stance.measured, frame_angles: stance.actuation.angle_rad };
+        }
+        Ok(Some(Order::Steer(Leg { waypoint: Waypoint { directions, ..*waypoint }, is_last })))
     }
 
     /// Tells what became of the last order.
@@ -235,9 +246,8 @@ impl Guide {
                     Heading::Back => {}
                 }
                 self.legs.clear();
-                let back = self.back.first().filter(|_| told == Told::Held && self.heading != Heading::Back);
-                if let Some(back) = back {
-                    (self.legs, self.heading) = (VecDeque::from([*back]), Heading::Back);
+                if told == Told::Held && self.heading != Heading::Back {
+                    (self.legs, self.heading) = (VecDeque::from([self.begun]), Heading::Back);
                 }
             }
         }
@@ -278,20 +288,18 @@ impl Guide {
     /// The best way to where the magnets are expected to point at the target; to where the model does, if there is none.
     fn way(&self, standing: &Standing, stance: &Stance) -> Result<Plan, Unreached> {
         let to = |target: &Directions| self.planner.plan_avoiding(standing, target, &self.avoided);
-        to(&self.corrected(stance)).or_else(|_| to(&self.target))
+        to(&turned(&self.target, &stance.measured, &stance.predicted)).or_else(|_| to(&self.target))
     }
+}
 
-    /// Where the model must point for the magnets to point at the target, as far as they are off now.
-    fn corrected(&self, stance: &Stance) -> Directions {
-        let mut corrected = self.target;
-        for (magnet, direction) in corrected.iter_mut().enumerate() {
-            let [measured, predicted] =
-                [stance.measured, stance.predicted].map(|directions| Vector3::from(directions[magnet]));
-            // None between opposite directions, and of what is no direction.
-            if let Some(off) = Rotation3::rotation_between(&measured, &predicted) {
-                *direction = (off * Vector3::from(*direction)).into();
-            }
+/// `directions`, each turned as the shortest way leads from its direction in `from` to that in `to`.
+fn turned(directions: &Directions, from: &Directions, to: &Directions) -> Directions {
+    let mut turned = *directions;
+    for ((direction, from), to) in turned.iter_mut().zip(from).zip(to) {
+        // None between opposite directions, and of what is no direction.
+        if let Some(off) = Rotation3::rotation_between(&Vector3::from(*from), &Vector3::from(*to)) {
+            *direction = (off * Vector3::from(*direction)).into();
         }
-        corrected
     }
+    turned
 }
