@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use magsteer::control::Directions;
 use magsteer::control::plan::{
-    GivenUp, Guide, Leg, Order, Planner, Posture, Rehearsal, Stance, Told, Waypoint, draw_targets,
+    GivenUp, Guide, Leg, Order, Planner, Posture, Rehearsal, Stance, Told, draw_targets,
 };
 use magsteer::math::angle_between;
 use nalgebra::{Rotation3, Vector3};
@@ -30,7 +30,7 @@ fn rig() -> &'static (Setup, Planner, Vec<Directions>) {
     })
 }
 
-/// A loop that stands in a posture of the model, its magnets as far beside it as they are told.
+/// A loop that stands in a posture of the model, its magnets with it.
 fn stance(posture: &Posture) -> Stance {
     Stance {
         actuation: posture.present.actuation,
@@ -41,6 +41,12 @@ fn stance(posture: &Posture) -> Stance {
 
 fn at_rest() -> Stance {
     stance(&rig().1.rest().posture)
+}
+
+/// The same loop, its magnets turned about an axis of the world, deg.
+fn beside(stance: Stance, [x, y, z]: [f64; 3]) -> Stance {
+    let turn = Rotation3::new(Vector3::new(x.to_radians(), y.to_radians(), z.to_radians()));
+    Stance { measured: stance.measured.map(|direction| (turn * Vector3::from(direction)).into()), ..stance }
 }
 
 fn leg(order: Result<Option<Order>, GivenUp>) -> Leg {
@@ -92,18 +98,14 @@ fn a_way_ends_at_the_target_and_the_guide_then_asks_for_nothing() {
 fn ways_are_planned_for_magnets_as_far_beside_the_model_as_they_are() {
     let (_, planner, targets) = rig();
     let target = &targets[0];
-    let turn = Rotation3::new(Vector3::new(0.0, 20.0_f64.to_radians(), 0.0));
-    let turned = |directions: &Directions, turn: Rotation3<f64>| {
-        directions.map(|direction| (turn * Vector3::from(direction)).into())
-    };
-    let mut stance = at_rest();
-    stance.measured = turned(&stance.measured, turn);
+    let stance = beside(at_rest(), [0.0, 20.0, 0.0]);
+    let turn_back = Rotation3::new(Vector3::new(0.0, -20.0_f64.to_radians(), 0.0));
     let goal = |target: &Directions| {
         let standing = planner.standing_at(&stance.actuation, &stance.predicted, &[], &[]);
         let plan = planner.plan(&standing.expect("at rest"), target).expect("near rest");
         plan.posture.present.actuation.angle_rad
     };
-    let corrected = goal(&turned(target, turn.inverse()));
+    let corrected = goal(&target.map(|direction| (turn_back * Vector3::from(direction)).into()));
     assert_ne!(corrected, goal(target), "or nothing is seen of it");
     let mut guide = Guide::new(planner.clone());
     guide.set_out(target);
@@ -113,6 +115,35 @@ fn ways_are_planned_for_magnets_as_far_beside_the_model_as_they_are() {
         last = leg(guide.order(&stance));
     }
     assert_eq!(last.waypoint.frame_angles, corrected);
+}
+
+/// Goal: at a waypoint on the way the magnets are asked to where they will be when the model is where it was planned.
+#[test]
+fn waypoints_are_asked_for_as_far_beside_the_model_as_the_magnets_are() {
+    let (_, planner, _) = rig();
+    let rest = planner.rest().posture.directions;
+    let off = beside(at_rest(), [1.0, 2.0, -3.0]);
+    let mut by_way = 0;
+    // One magnet moves before the other hardly ever where both turn little.
+    for target in draw_targets(&rest, 2, 60.0_f64.to_radians(), 20, 7) {
+        let mut guide = Guide::new(planner.clone());
+        guide.set_out(&target);
+        while let Ok(Some(Order::Steer(asked))) = guide.order(&at_rest()) {
+            // The way is planned: the same leg, for magnets beside the model.
+            let mut seen = leg(guide.clone().order(&off)).waypoint.directions;
+            let is_by_way = !asked.is_last && asked.waypoint.directions != rest;
+            by_way += usize::from(is_by_way);
+            let pairs = seen.iter_mut().zip(&off.measured).zip(&off.predicted).take(2);
+            for ((seen, measured), predicted) in pairs.filter(|_| is_by_way) {
+                let [measured, predicted] = [measured, predicted].map(|all| Vector3::from(*all));
+                let back = Rotation3::rotation_between(&measured, &predicted).expect("some degrees");
+                *seen = (back * Vector3::from(*seen)).into();
+            }
+            assert!(apart(&seen, &asked.waypoint.directions) < 1e-6);
+            guide.tell(Told::Arrived);
+        }
+    }
+    assert!(by_way > 0, "or nothing is seen of it");
 }
 
 /// Goal: after a refusal the frames are to end elsewhere, after two the way begins at rest, and what does not end is given up.
@@ -157,24 +188,22 @@ fn a_loop_that_refuses_everything_is_offered_other_frames_then_rest_then_nothing
 fn a_loop_that_holds_is_sent_back_before_anything_else() {
     let (_, planner, targets) = rig();
     let posture = planner.from_rest(&targets[0]).expect("within 30 deg").posture;
-    let present = stance(&posture);
+    let mut began = beside(stance(&posture), [0.0, 2.0, 0.0]);
     let mut guide = Guide::new(planner.clone());
     guide.set_out(&targets[1]);
-    let mut held = leg(guide.order(&present));
-    let mut began =
-        Waypoint { directions: posture.directions, frame_angles: posture.present.actuation.angle_rad };
+    let mut held = leg(guide.order(&began));
     while !held.is_last {
-        began = held.waypoint;
         guide.tell(Told::Arrived);
-        held = leg(guide.order(&at_rest()));
+        began = beside(at_rest(), [0.0, 2.0, 0.0]);
+        held = leg(guide.order(&began));
     }
     guide.tell(Told::Held);
     // Wherever it stands: nothing is planned.
     let mut nowhere = at_rest();
     nowhere.predicted = targets[3];
     let back = leg(guide.order(&nowhere));
-    assert_eq!(back.waypoint.frame_angles, began.frame_angles);
-    assert!(apart(&back.waypoint.directions, &began.directions) < 0.01_f64.to_radians());
+    assert_eq!(back.waypoint.frame_angles, began.actuation.angle_rad);
+    assert_eq!(back.waypoint.directions, began.measured, "where the magnets were, not the model");
     assert!(!back.is_last);
     guide.tell(Told::Arrived);
     let mut next = leg(guide.order(&at_rest()));

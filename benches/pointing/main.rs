@@ -1,8 +1,8 @@
 //! Pointing two magnets in 3-D: what planner and loop reach. Prints tables; `cargo bench --bench pointing -- [COUNT] [CONE_DEG…] [FILE.toml…]`.
 //!
-//! Pairs of pointing targets are drawn uniformly in a cone about each magnet's rest direction, one pair after another. The planner leads
-//! from each to the next through its model; the guide leads a loop from each to the next on the simulated plant, whose parameters
-//! are off as the configuration says, and is judged by the plant's true poses.
+//! Files are those of `config`, or named by an absolute path. Pairs of pointing targets are drawn uniformly in a cone about each magnet's
+//! rest direction, one pair after another. The planner leads from each to the next through its model; the guide leads a loop from each to the
+//! next on the simulated plant, whose parameters are off as the configuration says, and is judged by the plant's true poses.
 
 use std::time::Instant;
 

@@ -7,18 +7,24 @@
 //! | `m` | measured tangent, true some `age` ago |
 //! | `b` | bias: the shortest rotation from `p` to `m` as a rotation vector, rad, world; one a magnet |
 //! | `T` | time constant of its estimate, s |
+//! | `f`, `z` | frequency, Hz, and damping ratio of the rod's first mode where nothing loads it |
+//! | `s`, `c` | share of its stiffness that loads leave; how much of that softening is counted on |
 //!
 //! The statics know where the rod comes to rest, and not how it gets there. Predictions are therefore passed
-//! through the rod's first mode, a second-order response of frequency `f` and damping ratio `z` where nothing
-//! loads the rod, and remembered; a pose is compared with the prediction of its own moment, however late it
-//! comes. Loads leave the mode's mass and damping as they are and its stiffness a share `s`, the margin of
-//! stability: near a snap-through the rod follows `1 / s` times as late, and to take that for bias would
-//! drive it on into the snap. What then differs is the model's error, and whatever else turns the magnets, not
-//! the rod's motion. It is filtered with `T` over the time between exposures, whatever their rate. Tangents out of line by more than is
-//! credible move the estimate no more than the credible would: a jump, or a sensor that lies for a while,
-//! shifts it slowly. Predictions that leap as no rod can, since currents or angles are measured wrongly or
-//! the model has lost its way, teach nothing and are not to be steered by until a time `T` has passed
-//! without.
+//! through the rod's first mode and remembered; a pose is compared with the prediction of its own moment,
+//! however late it comes:
+//! ```text
+//! x'' + 2 z w x' + s^c w^2 x = s^c w^2 p,    w = 2 pi f
+//! ```
+//! Loads leave the mode's mass and damping as they are and of its stiffness a share `s`, the margin of
+//! stability: near a snap-through the rod answers `1 / s` times as late, and to take that for bias would drive
+//! it on into the snap. How far that is counted on, `c`, is a choice between two errors of the model: a rod
+//! that is stiffer than the model and answers sooner has its bias learnt too late. What then differs is the
+//! model's error, and whatever else turns the magnets, not the rod's motion. It is filtered with `T` over the
+//! time between exposures, whatever their rate. Tangents out of line by more than is credible move the
+//! estimate no more than the credible would: a jump, or a sensor that lies for a while, shifts it slowly.
+//! Predictions that leap as no rod can, since currents or angles are measured wrongly or the model has lost
+//! its way, teach nothing and are not to be steered by until a time `T` has passed without.
 //!
 //! The controller then steers the corrected prediction `R(b) p`, at present and without noise, to the
 //! reference: internal model control, a Smith predictor for a static model (Morari, Zafiriou: Robust Process
@@ -45,7 +51,7 @@ const SPEED_MAX: f64 = 1000.0_f64.to_radians();
 /// 0.3 degrees at most.
 const NOISE_MAX: f64 = 1.0_f64.to_radians();
 
-/// Shares of its stiffness that the mode is taken to have at least and at most: what is no number counts as the least.
+/// Least and greatest share of its stiffness that the mode is taken to keep; what is no number counts as the least.
 const STIFFNESS: [f64; 2] = [0.05, 20.0];
 /// Phase below which an oscillation is a straight line to all digits.
 const PHASE_MIN: f64 = 1e-9;
@@ -62,6 +68,9 @@ pub struct DisturbanceConfig {
     pub mode_frequency_hz: f64,
     /// Its damping ratio there, above 0 and below 1.
     pub mode_damping_ratio: f64,
+    /// How much of the mode's softening by loads is counted on, 0 to 1: 1 near snap-throughs, 0 for rods that may be stiffer than their
+    /// model.
+    pub mode_softening: f64,
     /// By how much more the measured actuation lags behind the field, ms, 0 to 400.
     pub delay_ms: f64,
     /// Greatest difference between a tangent and its estimate that counts in full, deg, > 0.
@@ -75,6 +84,7 @@ impl DisturbanceConfig {
         checks.within("control.disturbance.time_constant_ms", self.time_constant_ms, 1e-3, 1e6);
         checks.within("control.disturbance.mode_frequency_hz", self.mode_frequency_hz, 1e-3, 1e6);
         checks.within("control.disturbance.mode_damping_ratio", self.mode_damping_ratio, 1e-3, 0.999);
+        checks.within("control.disturbance.mode_softening", self.mode_softening, 0.0, 1.0);
         checks.within("control.disturbance.delay_ms", self.delay_ms, 0.0, 400.0);
         checks.within("control.disturbance.innovation_max_deg", self.innovation_max_deg, 1e-3, 180.0);
     }
@@ -100,6 +110,7 @@ pub struct Disturbance {
     time_constant: f64,
     innovation_max: f64,
     delay: f64,
+    softening: f64,
     mode: Mode,
     past: Past,
     /// Time since the first prediction, s.
@@ -127,6 +138,7 @@ impl Disturbance {
             time_constant: config.time_constant_ms * 1e-3,
             innovation_max: config.innovation_max_deg.to_radians(),
             delay: config.delay_ms * 1e-3,
+            softening: config.mode_softening,
             mode: Mode::new(config.mode_frequency_hz, config.mode_damping_ratio),
             past: Past::new(),
             elapsed: 0.0,
@@ -143,7 +155,9 @@ impl Disturbance {
             self.astray = self.elapsed;
         }
         self.newest = *prediction.tangents;
-        let stiffness = prediction.margin.max(STIFFNESS[0]).min(STIFFNESS[1]);
+        let [least, most] = STIFFNESS;
+        let margin = if prediction.margin.is_nan() { least } else { prediction.margin };
+        let stiffness = margin.clamp(least, most).powf(self.softening);
         let answered = self.mode.answer(prediction.tangents, self.magnets, stiffness, prediction.period);
         self.past.push(&answered, prediction.period);
     }
@@ -255,8 +269,7 @@ fn oscillation(square: f64, time: f64) -> [f64; 2] {
     if phase < PHASE_MIN {
         return [1.0, time];
     }
-    let [cosine, sine] =
-        if square > 0.0 { [phase.cos(), phase.sin()] } else { [phase.cosh(), phase.sinh()] };
+    let [cosine, sine] = if square > 0.0 { [phase.cos(), phase.sin()] } else { [phase.cosh(), phase.sinh()] };
     [cosine, sine / root]
 }
 

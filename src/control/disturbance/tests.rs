@@ -14,6 +14,7 @@ fn config() -> DisturbanceConfig {
         time_constant_ms: 100.0,
         mode_frequency_hz: 4.0,
         mode_damping_ratio: 0.2,
+        mode_softening: 1.0,
         delay_ms: 0.0,
         innovation_max_deg: 10.0,
     }
@@ -107,8 +108,8 @@ fn a_swinging_rod_seen_late_has_no_bias() {
 #[test]
 fn a_softened_rod_has_no_bias() {
     for (damping, margin) in [(0.2, 0.5), (0.2, 0.1), (0.4, 0.16), (0.5, 0.1)] {
-        let with = DisturbanceConfig { mode_damping_ratio: damping, ..config() };
-        let most = |told: f64| {
+        let most = |told: f64, mode_softening: f64| {
+            let with = DisturbanceConfig { mode_damping_ratio: damping, mode_softening, ..config() };
             let mut disturbance = Disturbance::new(&with, 2);
             // The oracle: the equation in 20 small steps a cycle.
             let w = std::f64::consts::TAU * 4.0;
@@ -132,7 +133,8 @@ fn a_softened_rod_has_no_bias() {
             }
             most
         };
-        let (known, unknown) = (most(margin), most(1.0));
+        let (known, unknown) = (most(margin, 1.0), most(1.0, 1.0));
+        assert_eq!(most(margin, 0.0), unknown, "softening that is not counted on");
         assert!(known < 0.02 && unknown > 20.0 * known, "{damping} {margin}: {known} {unknown}");
     }
 }
@@ -196,7 +198,8 @@ fn a_model_astray_teaches_nothing() {
     let mut disturbance = Disturbance::new(&config(), 2);
     predict(&mut disturbance, [90.0, 90.0], PERIOD);
     disturbance.learn(&pose([90.0, 90.0], [1, 1]), 0.0);
-    let astray = Prediction { tangents: &tangents([89.0, 90.0]), converged: false, margin: 1.0, period: PERIOD };
+    let astray =
+        Prediction { tangents: &tangents([89.0, 90.0]), converged: false, margin: 1.0, period: PERIOD };
     for _ in 0..50 {
         disturbance.predict(&astray);
         disturbance.learn(&pose([95.0, 90.0], [1, 1]), 0.0);

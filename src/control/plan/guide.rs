@@ -7,7 +7,8 @@
 //!
 //! # Method
 //! Every way is planned from the loop's own currents and angles ([`Planner::standing_at`]). The model is asked for directions by which the
-//! magnets, bent as much farther than the model as they are now, point at the target. A way that was refused, or that ended
+//! magnets, bent as much farther than the model as they are now, point at the target, and at the waypoints before it the magnets are asked
+//! to where they will be when the model is there. A way that was refused, or that ended
 //! beside its target, is not tried again: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew
 //! at rest, which everything after two ways in vain is, too. A loop that holds near a snap-through is sent back at once to where
 //! its leg began, before anything is planned. Where the model does not find to where the loop stands, or no way leads
@@ -159,7 +160,10 @@ impl Guide {
     pub fn new(planner: Planner) -> Self {
         Self {
             target: planner.rest().posture.directions,
-            begun: Waypoint { directions: planner.rest().posture.directions, frame_angles: Setting::default() },
+            begun: Waypoint {
+                directions: planner.rest().posture.directions,
+                frame_angles: Setting::default(),
+            },
             planner,
             near: Vec::new(),
             back: Vec::new(),
@@ -198,16 +202,17 @@ impl Guide {
         }
         let Some(waypoint) = self.legs.front() else { return Ok(Some(Order::Release)) };
         let is_last = self.legs.len() == 1 && self.heading == Heading::Target;
+        let is_rest = waypoint.directions == self.planner.rest().posture.directions;
         let directions = match self.heading {
-            Heading::Back => waypoint.directions,
             Heading::Target if is_last => self.target,
-            Heading::Target | Heading::Rest => {
+            // At rest hardly any load is left to bend the magnets beside the model, whatever they do here.
+            Heading::Target | Heading::Rest if !is_rest => {
                 turned(&waypoint.directions, &stance.predicted, &stance.measured)
             }
+            Heading::Target | Heading::Rest | Heading::Back => waypoint.directions,
         };
         if self.heading != Heading::Back {
-            self.begun =
-                Waypoint { directions: stance.measured, frame_angles: stance.actuation.angle_rad };
+            self.begun = Waypoint { directions: stance.measured, frame_angles: stance.actuation.angle_rad };
         }
         Ok(Some(Order::Steer(Leg { waypoint: Waypoint { directions, ..*waypoint }, is_last })))
     }

@@ -206,7 +206,8 @@ impl Planner {
                 Ok(if is_better { straight } else { around })
             }
             (Ok(plan), Err(_)) | (Err(_), Ok(plan)) => Ok(plan),
-            (Err(_), Err(unreached)) => Err(unreached),
+            // A way to rest that is missing says nothing of the target.
+            (Err(straight), Err(around)) => Err(if around.tried > 1 { around } else { straight }),
         }
     }
 
