@@ -38,8 +38,8 @@ use serde::{Deserialize, Serialize};
 
 use magsteer_hal::invalid::Checks;
 
-use super::cycle::Directions;
 use super::past::Past;
+use super::step::Directions;
 use crate::math::{angle_between, logarithm};
 
 /// Longest time between exposures that counts, in time constants: after a pause one tangent is still only

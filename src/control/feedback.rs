@@ -11,10 +11,10 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::config::ControlConfig;
-use super::cycle::Directions;
 use super::disturbance::{Disturbance, Prediction};
 use super::integral::ProportionalIntegral;
 use super::past::Past;
+use super::step::Directions;
 
 /// What the reference is compared with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

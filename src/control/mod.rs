@@ -3,7 +3,7 @@
 //! `reference` shapes the targets; `feedback` decides what they are compared with: late measurements, or the model with its
 //! bias as `disturbance` estimates it. `scout` looks ahead to a new target before the reference goes there. `error` compares tangents, `integral` turns the error into a wanted velocity, `allocation`
 //! spreads it over currents and frame angles within their limits, and `cycle` ties them to the model's statics and orientation
-//! Jacobian: the exact one, or the paper's `algorithm_1`. Between runs, [`plan`] chooses frame angles and ways, and
+//! Jacobian (`jacobian`): the exact one, or the paper's `algorithm_1`. What a cycle is given and decides is in `step`. Between runs, [`plan`] chooses frame angles and ways, and
 //! [`identification`] estimates what the model should believe in.
 //! What is absent: a clock, a channel, an allocation after construction (but between runs).
 
@@ -16,6 +16,7 @@ mod error;
 mod feedback;
 pub mod identification;
 mod integral;
+mod jacobian;
 mod model;
 mod past;
 pub mod plan;
@@ -23,6 +24,7 @@ mod probe;
 mod reference;
 mod scout;
 mod secondary;
+mod step;
 
 #[cfg(test)]
 mod tests;
@@ -30,7 +32,7 @@ mod tests;
 pub use algorithm_1::{Algorithm1, Algorithm1Config, HeldPose, JacobianKind, PoseSource, Present, Progress};
 pub use allocation::{Allocated, Allocation, AllocationKind, Wish};
 pub use config::{ControlConfig, FrameUse};
-pub use cycle::{Cycle, CycleInput, CycleOutcome, Directions, ModelReport, Step};
+pub use cycle::Cycle;
 pub use disturbance::{Disturbance, DisturbanceConfig};
 pub use error::{OrientationError, OrientationErrorKind};
 pub use feedback::FeedbackKind;
@@ -39,3 +41,4 @@ pub use model::Model;
 pub use reference::{Limits, Pacing, Reference, ReferenceTarget};
 pub use scout::{ScoutConfig, Verdict, margin_allowed};
 pub use secondary::SecondaryConfig;
+pub use step::{CycleInput, CycleOutcome, Directions, ModelReport, Step};

@@ -18,8 +18,8 @@ use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
 
 use super::algorithm_1::{HeldPose, Present};
-use super::cycle::ModelReport;
 use super::probe::Probe;
+use super::step::ModelReport;
 use crate::magnetics::{CoilArray, PARAMETERS_MAX, PosedArray};
 use crate::rod::{Manipulator, Pass, PassMode, Stability, TipLoad};
 

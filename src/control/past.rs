@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::cycle::Directions;
+use super::step::Directions;
 
 /// Remembered entries: at one a millisecond, half a second of the past at any rate.
 const LENGTH: usize = 512;

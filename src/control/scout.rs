@@ -35,10 +35,10 @@ use nalgebra::{Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::config::{ControlConfig, FrameUse};
-use super::cycle::Directions;
 use super::model::Model;
 use super::plan::{Advance, Bounds, Obstacle, Walk, Walker, Waypoint};
 use super::reference::ReferenceTarget;
+use super::step::Directions;
 use crate::rod::Manipulator;
 
 /// Share of a margin that a motion may lose when it begins below what is allowed: ways out are rarely ways up

@@ -23,7 +23,7 @@ use nalgebra::{Rotation3, Vector3};
 
 use super::planner::{Plan, Planner, Setting, Standing, Unreached};
 use super::walk::{Posture, Waypoint};
-use crate::control::cycle::Directions;
+use crate::control::step::Directions;
 use crate::math::angle_between;
 
 /// Ways to one target that are tried before it is given up.

@@ -10,7 +10,7 @@ use super::search::{Goal, Tried};
 use super::walk::{Bounds, Obstacle, Posture, Walked, Waypoint};
 use super::walker::Walker;
 use crate::control::config::ControlConfig;
-use crate::control::cycle::Directions;
+use crate::control::step::Directions;
 use crate::rod::Manipulator;
 
 /// Greatest angle between where the model comes under a loop's currents and where the loop's own model is, rad: on another branch it

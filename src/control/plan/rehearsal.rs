@@ -14,9 +14,9 @@ use nalgebra::Vector3;
 use super::walk::{Advance, Bounds, Obstacle, Posture, Waypoint};
 use super::walker::Walker;
 use crate::control::config::{ControlConfig, FrameUse};
-use crate::control::cycle::Directions;
 use crate::control::reference::ReferenceTarget;
 use crate::control::scout::ScoutConfig;
+use crate::control::step::Directions;
 use crate::rod::Manipulator;
 
 /// Walks targets one after another.

@@ -1,7 +1,7 @@
 //! Routes: the ways on which a target is tried with one frame setting.
 
 use super::walk::Waypoint;
-use crate::control::cycle::Directions;
+use crate::control::step::Directions;
 
 /// In which order magnets move.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

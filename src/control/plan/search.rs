@@ -10,7 +10,7 @@ use super::planner::{Plan, Planner, Setting, Unreached};
 use super::route::Route;
 use super::walk::{Obstacle, Posture, Stop, Walked, Waypoint};
 use super::walker::Walker;
-use crate::control::cycle::Directions;
+use crate::control::step::Directions;
 
 /// Settings about which a search goes on when none of the grid arrives.
 const REFINED: usize = 8;

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use crate::control::cycle::Directions;
+use crate::control::step::Directions;
 use crate::math::csv::{CsvTable, Refusal};
 use crate::math::{SplitMix, along_great_circle, orthonormal_complement};
 

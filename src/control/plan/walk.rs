@@ -4,8 +4,8 @@ use magsteer_hal::POSE_PARAMETERS_MAX;
 use serde::Serialize;
 
 use crate::control::algorithm_1::Present;
-use crate::control::cycle::Directions;
 use crate::control::reference::ReferenceTarget;
+use crate::control::step::Directions;
 
 /// A point on a way: where the magnets shall point and how the frames shall stand.
 #[derive(Debug, Clone, Copy, PartialEq)]

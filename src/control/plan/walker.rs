@@ -12,9 +12,10 @@ use super::walk::{Advance, Bounds, Effort, Obstacle, Posture, Stop, Walk, Walked
 use crate::control::algorithm_1::Present;
 use crate::control::allocation::{Allocation, Wish};
 use crate::control::config::{ControlConfig, FrameUse};
-use crate::control::cycle::{Directions, exact_rows};
 use crate::control::error::{OrientationError, OrientationErrorKind};
+use crate::control::jacobian::exact_rows;
 use crate::control::model::Model;
+use crate::control::step::Directions;
 use crate::math::{along_great_circle, angle_between, logarithm};
 use crate::rod::Manipulator;
 

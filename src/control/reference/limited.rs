@@ -22,7 +22,7 @@
 use magsteer_hal::{MAGNETS_MAX, POSE_PARAMETERS_MAX};
 use nalgebra::Vector3;
 
-use crate::control::cycle::Directions;
+use crate::control::step::Directions;
 use crate::math::{along_great_circle, logarithm};
 
 /// Time constant `e` with which the last of a way is gone, s: what makes the root's infinite slope at its end

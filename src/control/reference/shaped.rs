@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use super::lag::Lag;
 use super::limited::{LimitedPath, Limits};
 use crate::control::config::ControlConfig;
-use crate::control::cycle::Directions;
+use crate::control::step::Directions;
 use crate::math::logarithm;
 
 /// Longest inner step, s: the path of a slow loop is then that of a quick one.
