@@ -139,7 +139,7 @@ fn a_softened_rod_has_no_bias() {
     }
 }
 
-/// Goal: what is no margin, and what is none of a rod that stands, is answered like a rod just before its snap.
+/// Goal: whatever is told for a margin, the estimate stays finite.
 #[test]
 fn every_margin_is_answered() {
     for margin in [f64::NAN, f64::NEG_INFINITY, -1.0, 0.0, 1e300, f64::INFINITY] {
