@@ -254,6 +254,19 @@ fn killed_campaign_is_readable() {
     assert_eq!(replay["equal"], true);
 }
 
+/// Goal: the shipped wide campaign steers a plant 20 % stiffer than the model through every step, though the model is bent
+/// 25 deg further than the rod at (60, 90): no monitor takes that for a lost rod. The shipped narrow limits would.
+#[test]
+fn a_stiff_plant_is_steered_however_far_its_model_bends() {
+    const STIFFEST: &str = "250";
+    let world = World::new();
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/bigmag-random.toml");
+    let run = world.answer(&[&shipped.to_string_lossy(), "--seed", "1", "--only", STIFFEST, "--json"]);
+    assert_eq!((&run["settled"], &run["unstable"]), (&Value::Bool(true), &Value::Bool(false)), "{run}");
+    assert!(run["drawn"]["plant.errors.modulus_relative"].as_f64().unwrap() > 0.15, "{run}");
+    assert!(run["model_error_deg"].as_f64().unwrap() > 20.0, "{run}");
+}
+
 /// Goal: a row that is not what the program computes is found out, with exit code 1.
 #[test]
 fn a_forged_row_is_not_equal() {
