@@ -24,10 +24,15 @@ use magsteer_hal::description::{CoilDescription, FrameDescription, HardwareDescr
 use magsteer_hal::{COILS_MAX, POSE_PARAMETERS_MAX};
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 
-use super::multipole::{CoilField, CoilPair, CoilPose, Multipole};
+use super::multipole::{CoilField, CoilGroup, CoilPose, Multipole};
 use super::sample::{AppliedField, FieldColumn, FieldGradient, FieldSample, FieldSecondGradient};
+use crate::math::{Columnar, Lanes};
 
-const PAIRS_MAX: usize = COILS_MAX.div_ceil(2);
+/// Coils that are evaluated together.
+const WIDTH: usize = Lanes::WIDTH;
+const GROUPS_MAX: usize = COILS_MAX.div_ceil(WIDTH);
+/// Every group's lanes have their place among the coils.
+const _: () = assert!(COILS_MAX.is_multiple_of(WIDTH));
 
 /// Where coils fixed to the world gather their field: one place past the frames'.
 const FIXED: usize = POSE_PARAMETERS_MAX;
@@ -43,7 +48,7 @@ pub struct CoilArray {
 pub struct PosedArray {
     coil_count: usize,
     frame_count: usize,
-    pairs: [CoilPair; PAIRS_MAX],
+    groups: [CoilGroup; GROUPS_MAX],
     /// Frame of each coil, or [`FIXED`].
     frame_of: [usize; COILS_MAX],
     valid_from_x: [f64; COILS_MAX],
@@ -77,7 +82,7 @@ impl CoilArray {
         let mut rest = PosedArray {
             coil_count: coils.len(),
             frame_count: frames.len(),
-            pairs: [CoilPair::default(); PAIRS_MAX],
+            groups: [CoilGroup::default(); GROUPS_MAX],
             frame_of: [FIXED; COILS_MAX],
             valid_from_x: [f64::NEG_INFINITY; COILS_MAX],
             frames: [Frame::default(); POSE_PARAMETERS_MAX],
@@ -130,7 +135,7 @@ impl CoilArray {
                 origin: pivot + rotation * (at_zero.origin - pivot),
                 axis: rotation * at_zero.axis,
             };
-            posed.pairs[coil / 2].set_pose(coil % 2, &pose);
+            posed.groups[coil / WIDTH].set_pose(coil % WIDTH, &pose);
         }
     }
 }
@@ -141,6 +146,8 @@ impl Frame {
     }
 
     /// Derivatives of the frame's field and gradient with its angle, from what its coils make together.
+    // Called: woven into the loop over the few frames, it is widened to eight of them where AVX-512 allows.
+    #[inline(never)]
     fn column(&self, point: &Vector3<f64>, made: &Gathered) -> FieldColumn {
         let w = &self.axis;
         let velocity = w.cross(&(point - self.pivot));
@@ -181,7 +188,7 @@ impl PosedArray {
     /// When `coil` is not less than [`COILS_MAX`].
     #[must_use]
     pub fn coil_pose(&self, coil: usize) -> CoilPose {
-        self.pairs[coil / 2].pose(coil % 2)
+        self.groups[coil / WIDTH].pose(coil % WIDTH)
     }
 
     /// Least local x of each coil at which its series holds, m.
@@ -204,12 +211,11 @@ impl PosedArray {
     fn insert(&mut self, index: usize, coil: &CoilDescription) {
         let axis = Vector3::from_fn(|row, _| coil.rotation[row][0]);
         let pose = CoilPose { origin: coil.position.into(), axis };
-        let pair = &mut self.pairs[index / 2];
-        pair.set_series(index % 2, &Multipole::new(&coil.coefficients));
-        pair.set_pose(index % 2, &pose);
-        if index.is_multiple_of(2) {
-            // The other lane may stay without a coil: zero weights, at a place that gives finite numbers.
-            pair.set_pose(1, &pose);
+        let group = &mut self.groups[index / WIDTH];
+        group.set_series(index % WIDTH, &Multipole::new(&coil.coefficients));
+        // The lanes behind may stay without a coil: zero weights, at a place that gives finite numbers.
+        for lane in index % WIDTH..WIDTH {
+            group.set_pose(lane, &pose);
         }
         self.frame_of[index] = coil.frame.unwrap_or(FIXED);
         self.valid_from_x[index] = coil.valid_from_x;
@@ -234,10 +240,10 @@ impl AppliedField for ActuatedArray<'_> {
         let mut gathered = [Gathered::default(); POSE_PARAMETERS_MAX + 1];
         let mut valid = true;
         let (current_columns, angle_columns) = sample.columns.split_at_mut(posed.coil_count);
-        let coils = posed.frame_of.chunks_exact(2).zip(posed.valid_from_x.chunks_exact(2));
-        let coils = coils.zip(self.currents.chunks_exact(2)).zip(current_columns.chunks_mut(2));
-        for (pair, (((frame_of, valid_from_x), currents), columns)) in posed.pairs.iter().zip(coils) {
-            let fields = pair.evaluate(point);
+        let coils = posed.frame_of.chunks_exact(WIDTH).zip(posed.valid_from_x.chunks_exact(WIDTH));
+        let coils = coils.zip(self.currents.chunks_exact(WIDTH)).zip(current_columns.chunks_mut(WIDTH));
+        for (group, (((frame_of, valid_from_x), currents), columns)) in posed.groups.iter().zip(coils) {
+            let fields = group.evaluate(point);
             for (lane, column) in columns.iter_mut().enumerate() {
                 let made = fields.lane(lane);
                 *column = made.column; // (9)

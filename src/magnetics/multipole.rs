@@ -41,7 +41,7 @@ use magsteer_hal::config::ORDER_MAX;
 use nalgebra::Vector3;
 
 use super::sample::{FieldColumn, FieldGradient, FieldSecondGradient};
-use crate::math::Pair;
+use crate::math::{Columnar, Lanes, Pair, Triple};
 
 /// The series of one coil: `a_k` of eq. (4) per ampere.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,83 +99,78 @@ impl Multipole {
     #[inline]
     #[must_use]
     pub fn evaluate(&self, pose: &CoilPose, point: &Vector3<f64>) -> CoilField {
-        CoilPair {
+        CoilGroup {
             order: self.order,
             weights: self.weights.map(Pair::splat),
-            origin: [0, 1, 2].map(|i| Pair::splat(pose.origin[i])),
-            axis: [0, 1, 2].map(|i| Pair::splat(pose.axis[i])),
+            origin: Triple::from(pose.origin).in_all(),
+            axis: Triple::from(pose.axis).in_all(),
         }
         .evaluate(point)
         .lane(0)
     }
 }
 
-/// Two posed coils, evaluated together.
+/// As many posed coils as there are lanes, evaluated together. A lane may stay without a coil: it then has no weights.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct CoilPair {
+pub(super) struct CoilGroup<V = Lanes> {
     order: usize,
-    weights: [Pair; ORDER_MAX],
-    origin: [Pair; 3],
-    axis: [Pair; 3],
+    weights: [V; ORDER_MAX],
+    origin: Triple<V>,
+    axis: Triple<V>,
 }
 
-impl CoilPair {
-    /// Puts a coil into a lane (0 or 1).
+impl<V: Columnar> CoilGroup<V> {
+    /// Puts a coil into a lane.
     pub(super) fn set_series(&mut self, lane: usize, multipole: &Multipole) {
         self.order = self.order.max(multipole.order);
-        for (pair, weight) in self.weights.iter_mut().zip(multipole.weights) {
-            pair.set_lane(lane, weight);
+        for (lanes, weight) in self.weights.iter_mut().zip(multipole.weights) {
+            lanes.set_lane(lane, weight);
         }
     }
 
-    /// Moves the coil of a lane (0 or 1).
+    /// Moves the coil of a lane.
     pub(super) fn set_pose(&mut self, lane: usize, pose: &CoilPose) {
-        for i in 0..3 {
-            self.origin[i].set_lane(lane, pose.origin[i]);
-            self.axis[i].set_lane(lane, pose.axis[i]);
-        }
+        self.origin.set_column(lane, pose.origin.into());
+        self.axis.set_column(lane, pose.axis.into());
     }
 
-    /// The pose of a lane (0 or 1).
+    /// The pose of a lane.
     pub(super) fn pose(&self, lane: usize) -> CoilPose {
-        let vector = |pairs: &[Pair; 3]| Vector3::from_fn(|i, _| pairs[i].lane(lane));
-        CoilPose { origin: vector(&self.origin), axis: vector(&self.axis) }
+        CoilPose { origin: self.origin.column(lane).into(), axis: self.axis.column(lane).into() }
     }
 
-    /// Field and both gradients of both coils at `point`, each for 1 A.
+    /// Field and both gradients of all coils at `point`, each for 1 A.
     #[inline(always)]
-    pub(super) fn evaluate(&self, point: &Vector3<f64>) -> PairField {
-        let a = &self.axis;
-        let d = [0, 1, 2].map(|i| Pair::splat(point[i]) - self.origin[i]);
-        let x = a[0] * d[0] + a[1] * d[1] + a[2] * d[2];
-        let s = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).inverse_sqrt();
-        let n = d.map(|component| component * s);
-        let c = x * s;
-        let sums = RadialSums::new(&self.weights[..self.order.min(ORDER_MAX)], s, c);
-        PairField {
-            field: [0, 1, 2].map(|i| sums.a10 * a[i] - sums.a01 * n[i]), // (3)
-            gradient: sums.gradient(a, &n, s),
-            second_gradient: sums.second_gradient(a, &n, s),
+    pub(super) fn evaluate(&self, point: &Vector3<f64>) -> GroupField<V> {
+        let d = Triple::from(*point).in_all() - self.origin;
+        let x = self.axis.dot(d);
+        let s = d.dot(d).inverse_sqrt();
+        let (a, n) = (self.axis.array(), d.scaled(s).array());
+        let sums = RadialSums::new(&self.weights[..self.order.min(ORDER_MAX)], s, x * s);
+        GroupField {
+            field: [0, 1, 2].map(|i| sums.a01.times_from(n[i], sums.a10 * a[i])), // (3)
+            gradient: sums.gradient(&a, &n, s),
+            second_gradient: sums.second_gradient(&a, &n, s),
             local_x: x,
         }
     }
 }
 
-/// Field of two coils, each for 1 A: components in the order of the `Field*` structs.
-pub(super) struct PairField {
-    field: [Pair; 3],
-    gradient: [Pair; 5],
-    second_gradient: [Pair; 7],
-    local_x: Pair,
+/// Field of a group of coils, each for 1 A: components in the order of the `Field*` structs.
+pub(super) struct GroupField<V> {
+    field: [V; 3],
+    gradient: [V; 5],
+    second_gradient: [V; 7],
+    local_x: V,
 }
 
-impl PairField {
-    /// The field of the coil in a lane (0 or 1).
+impl<V: Columnar> GroupField<V> {
+    /// The field of the coil in a lane.
     #[inline(always)]
     pub(super) fn lane(&self, lane: usize) -> CoilField {
-        let [bx, by, bz] = self.field.map(|pair| pair.lane(lane));
-        let [xx, xy, xz, yy, yz] = self.gradient.map(|pair| pair.lane(lane));
-        let [xxx, xxy, xxz, xyy, xyz, yyy, yyz] = self.second_gradient.map(|pair| pair.lane(lane));
+        let [bx, by, bz] = self.field.map(|lanes| lanes.lane(lane));
+        let [xx, xy, xz, yy, yz] = self.gradient.map(|lanes| lanes.lane(lane));
+        let [xxx, xxy, xxz, xyy, xyz, yyy, yyz] = self.second_gradient.map(|lanes| lanes.lane(lane));
         CoilField {
             column: FieldColumn {
                 field: Vector3::new(bx, by, bz),
@@ -188,16 +183,16 @@ impl PairField {
 }
 
 /// The sums `A_jm`.
-struct RadialSums {
-    a01: Pair,
-    a10: Pair,
-    a02: Pair,
-    a11: Pair,
-    a20: Pair,
-    a03: Pair,
-    a12: Pair,
-    a21: Pair,
-    a30: Pair,
+struct RadialSums<V> {
+    a01: V,
+    a10: V,
+    a02: V,
+    a11: V,
+    a20: V,
+    a03: V,
+    a12: V,
+    a21: V,
+    a30: V,
 }
 
 /// Factors of the recurrences for one k: `L^1_k = centre c L^1_(k-1) - previous L^1_(k-2)`,
@@ -227,81 +222,150 @@ const RECURRENCES: [Recurrence; ORDER_MAX - 1] = {
     table
 };
 
-impl RadialSums {
+impl<V: Columnar> RadialSums<V> {
     #[inline(always)]
-    fn new(weights: &[Pair], s: Pair, c: Pair) -> Self {
+    fn new(weights: &[V], s: V, c: V) -> Self {
+        let number = V::splat;
         // L^m_k and L^m_(k-1) for m = 1, 2, 3, here at k = 1.
-        let (mut l1, mut l1_before) = (c * 3.0, Pair::splat(1.0));
-        let (mut l2, mut l2_before) = (c * 15.0, Pair::splat(3.0));
-        let (mut l3, mut l3_before) = (c * 105.0, Pair::splat(15.0));
+        let (mut l1, mut l1_before) = (c * number(3.0), number(1.0));
+        let (mut l2, mut l2_before) = (c * number(15.0), number(3.0));
+        let (mut l3, mut l3_before) = (c * number(105.0), number(15.0));
         let mut power = s * s * s;
         let Some((&first, rest)) = weights.split_first() else { return Self::zero() };
         let weight = first * power;
         let (mut a01, mut a10) = (weight * l1, weight);
-        let (mut a02, mut a11) = (weight * l2, weight * 3.0);
-        let (mut a03, mut a12) = (weight * l3, weight * 15.0);
+        let (mut a02, mut a11) = (weight * l2, weight * number(3.0));
+        let (mut a03, mut a12) = (weight * l3, weight * number(15.0));
         for (&b, factors) in rest.iter().zip(&RECURRENCES) {
-            let l1_next = c * factors.centre * l1 - l1_before * factors.previous;
+            let l1_next = l1_before.times_from(number(factors.previous), c * number(factors.centre) * l1);
             (l1_before, l1) = (l1, l1_next);
-            let l2_next = l2_before + l1 * factors.second;
+            let l2_next = l1.times_plus(number(factors.second), l2_before);
             (l2_before, l2) = (l2, l2_next);
-            let l3_next = l3_before + l2 * factors.third;
+            let l3_next = l2.times_plus(number(factors.third), l3_before);
             (l3_before, l3) = (l3, l3_next);
             power = power * s;
             let weight = b * power;
-            (a01, a10) = (a01 + weight * l1, a10 + weight * l1_before);
-            (a02, a11) = (a02 + weight * l2, a11 + weight * l2_before);
-            (a03, a12) = (a03 + weight * l3, a12 + weight * l3_before);
+            (a01, a10) = (weight.times_plus(l1, a01), weight.times_plus(l1_before, a10));
+            (a02, a11) = (weight.times_plus(l2, a02), weight.times_plus(l2_before, a11));
+            (a03, a12) = (weight.times_plus(l3, a03), weight.times_plus(l3_before, a12));
         }
         let twice_c = c + c;
-        let a20 = a01 * 3.0 + twice_c * a11 - a02;
-        let a21 = a02 * 5.0 + twice_c * a12 - a03;
-        let a30 = a11 * 5.0 + twice_c * a21 - a12;
+        let a20 = twice_c.times_plus(a11, a01 * number(3.0)) - a02;
+        let a21 = twice_c.times_plus(a12, a02 * number(5.0)) - a03;
+        let a30 = twice_c.times_plus(a21, a11 * number(5.0)) - a12;
         Self { a01, a10, a02, a11, a20, a03, a12, a21, a30 }
     }
 
     /// The sums of an empty series, which no constructed coil has.
     fn zero() -> Self {
-        let zero = Pair::splat(0.0);
-        let [a01, a10, a02, a11, a20, a03, a12, a21, a30] = [zero; 9];
+        let [a01, a10, a02, a11, a20, a03, a12, a21, a30] = [V::default(); 9];
         Self { a01, a10, a02, a11, a20, a03, a12, a21, a30 }
     }
 
     /// G, grouped as `G_ij = a_i e_j + n_i f_j - s A_01 I_ij`.
     #[inline(always)]
-    fn gradient(&self, a: &[Pair; 3], n: &[Pair; 3], s: Pair) -> [Pair; 5] {
+    fn gradient(&self, a: &[V; 3], n: &[V; 3], s: V) -> [V; 5] {
         let [a01, a11, a02, a20] = [self.a01, self.a11, self.a02, self.a20].map(|sum| s * sum);
-        let e = [0, 1].map(|j: usize| a20 * a[j] - a11 * n[j]);
-        let f = [0, 1].map(|j: usize| a02 * n[j] - a11 * a[j]);
-        let g = |i: usize, j: usize| a[i] * e[j] + n[i] * f[j];
+        let e = [0, 1].map(|j: usize| a11.times_from(n[j], a20 * a[j]));
+        let f = [0, 1].map(|j: usize| a11.times_from(a[j], a02 * n[j]));
+        let g = |i: usize, j: usize| a[i].times_plus(e[j], n[i] * f[j]);
         [g(0, 0) - a01, g(1, 0), g(2, 0), g(1, 1) - a01, g(2, 1)]
     }
 
     /// H, grouped as `H_ijk = M_ij a_k + N_ij n_k + S(v I)_ijk` with symmetric `M = a e + n f`, `N = a f + n g`.
     #[inline(always)]
-    fn second_gradient(&self, a: &[Pair; 3], n: &[Pair; 3], s: Pair) -> [Pair; 7] {
+    fn second_gradient(&self, a: &[V; 3], n: &[V; 3], s: V) -> [V; 7] {
         let s2 = s * s;
         let [a02, a11] = [self.a02, self.a11].map(|sum| s2 * sum);
         let [a03, a12, a21, a30] = [self.a03, self.a12, self.a21, self.a30].map(|sum| s2 * sum);
-        let v = [0, 1, 2].map(|i: usize| a02 * n[i] - a11 * a[i]);
-        let e = [0, 1].map(|j: usize| a30 * a[j] - a21 * n[j]);
-        let f = [0, 1].map(|j: usize| a12 * n[j] - a21 * a[j]);
-        let g = [0, 1].map(|j: usize| a12 * a[j] - a03 * n[j]);
-        let contracted = |i: usize, j: usize| (a[i] * e[j] + n[i] * f[j], a[i] * f[j] + n[i] * g[j]);
+        let v = [0, 1, 2].map(|i: usize| a11.times_from(a[i], a02 * n[i]));
+        let e = [0, 1].map(|j: usize| a21.times_from(n[j], a30 * a[j]));
+        let f = [0, 1].map(|j: usize| a21.times_from(a[j], a12 * n[j]));
+        let g = [0, 1].map(|j: usize| a03.times_from(n[j], a12 * a[j]));
+        let contracted =
+            |i: usize, j: usize| (a[i].times_plus(e[j], n[i] * f[j]), a[i].times_plus(f[j], n[i] * g[j]));
         let (m_xx, n_xx) = contracted(0, 0);
         let (m_xy, n_xy) = contracted(0, 1);
         let (m_yy, n_yy) = contracted(1, 1);
-        let h_xx = |k: usize| m_xx * a[k] + n_xx * n[k];
-        let h_xy = |k: usize| m_xy * a[k] + n_xy * n[k];
-        let h_yy = |k: usize| m_yy * a[k] + n_yy * n[k];
+        let h_xx = |k: usize| m_xx.times_plus(a[k], n_xx * n[k]);
+        let h_xy = |k: usize| m_xy.times_plus(a[k], n_xy * n[k]);
+        let h_yy = |k: usize| m_yy.times_plus(a[k], n_yy * n[k]);
         [
-            h_xx(0) + v[0] * 3.0,
+            v[0].times_plus(V::splat(3.0), h_xx(0)),
             h_xx(1) + v[1],
             h_xx(2) + v[2],
             h_xy(1) + v[0],
             h_xy(2),
-            h_yy(1) + v[1] * 3.0,
+            v[1].times_plus(V::splat(3.0), h_yy(1)),
             h_yy(2) + v[2],
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::{CoilField, CoilGroup, CoilPose, Multipole};
+    use crate::math::{Columnar, Pair, Quad};
+
+    /// Three coils, of unlike order and place.
+    fn coils() -> [(Multipole, CoilPose); 3] {
+        let coil = |coefficients: &[f64], origin: [f64; 3], axis: [f64; 3]| {
+            let pose = CoilPose { origin: origin.into(), axis: Vector3::from(axis).normalize() };
+            (Multipole::new(coefficients), pose)
+        };
+        [
+            coil(&[2.8e-6, 7.5e-8, 7.4e-10, 2.4e-12], [-0.1, 0.0, 0.05], [2.0, 0.1, -1.0]),
+            coil(&[6.4e-7], [0.0, 0.01, 0.085], [0.0, 0.0, -1.0]),
+            coil(&[6.4e-7, 1.9e-8, 1.7e-10, 5.2e-13, 1e-15, 2e-18], [0.08, -0.03, -0.04], [-1.0, 0.3, 0.5]),
+        ]
+    }
+
+    fn components(made: &CoilField) -> [f64; 16] {
+        let CoilField { column, second_gradient: h, local_x } = made;
+        let (b, g) = (column.field, column.gradient);
+        [
+            b.x, b.y, b.z, g.xx, g.xy, g.xz, g.yy, g.yz, h.xxx, h.xxy, h.xxz, h.xyy, h.xyz, h.yyy, h.yyz,
+            *local_x,
+        ]
+    }
+
+    /// Goal: a group makes in every lane what its coil makes alone, however many lanes there are; a lane without a coil
+    /// makes nothing, and nothing that is no number.
+    #[test]
+    fn lanes_make_what_their_coils_make_alone() {
+        fn check<V: Columnar>() {
+            let point = Vector3::new(0.011, -0.007, 0.003);
+            let coils = coils();
+            for (first, _) in coils.iter().enumerate() {
+                let mut group = CoilGroup::<V>::default();
+                for lane in 0..V::WIDTH {
+                    // A lane is left empty whenever the coils are through.
+                    let Some((series, pose)) = coils.get(first + lane) else {
+                        group.set_pose(lane, &coils[first].1);
+                        continue;
+                    };
+                    group.set_series(lane, series);
+                    group.set_pose(lane, pose);
+                }
+                let made = group.evaluate(&point);
+                for lane in 0..V::WIDTH {
+                    let found = components(&made.lane(lane));
+                    let Some((series, pose)) = coils.get(first + lane) else {
+                        assert!(found[..15].iter().all(|component| *component == 0.0), "{found:?}");
+                        continue;
+                    };
+                    assert_eq!(group.pose(lane), *pose);
+                    let alone = components(&series.evaluate(pose, &point));
+                    for (found, alone) in found.iter().zip(&alone) {
+                        // The same arithmetic, but that a longer series beside adds zeros.
+                        assert!((found - alone).abs() <= 1e-15 * alone.abs(), "{found} {alone}");
+                    }
+                }
+            }
+        }
+        check::<Pair>();
+        check::<Quad>();
     }
 }

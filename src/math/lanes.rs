@@ -26,6 +26,8 @@ pub type Lanes = Pair;
 pub trait Columnar: Scalar {
     /// How many pairs they are.
     const PAIRS: usize;
+    /// How many numbers they are.
+    const WIDTH: usize = 2 * Self::PAIRS;
 
     /// The same number in all lanes.
     fn splat(number: f64) -> Self;
@@ -35,6 +37,16 @@ pub trait Columnar: Scalar {
 
     /// One of the pairs.
     fn pair(self, index: usize) -> Pair;
+
+    /// One of the numbers.
+    fn lane(self, lane: usize) -> f64;
+
+    /// Replaces one of the numbers.
+    fn set_lane(&mut self, lane: usize, number: f64);
+
+    /// `1 / sqrt(self)`.
+    #[must_use]
+    fn inverse_sqrt(self) -> Self;
 }
 
 impl Columnar for Pair {
@@ -53,6 +65,21 @@ impl Columnar for Pair {
     #[inline(always)]
     fn pair(self, _index: usize) -> Pair {
         self
+    }
+
+    #[inline(always)]
+    fn lane(self, lane: usize) -> f64 {
+        Pair::lane(self, lane)
+    }
+
+    #[inline(always)]
+    fn set_lane(&mut self, lane: usize, number: f64) {
+        Pair::set_lane(self, lane, number);
+    }
+
+    #[inline(always)]
+    fn inverse_sqrt(self) -> Self {
+        Pair::inverse_sqrt(self)
     }
 }
 
@@ -79,6 +106,21 @@ impl Columnar for Quad {
     fn pair(self, index: usize) -> Pair {
         let [a, b, c, d] = self.0.to_array();
         if index == 0 { Pair::new(a, b) } else { Pair::new(c, d) }
+    }
+
+    #[inline(always)]
+    fn lane(self, lane: usize) -> f64 {
+        self.0.to_array()[lane]
+    }
+
+    #[inline(always)]
+    fn set_lane(&mut self, lane: usize, number: f64) {
+        self.0.as_mut_array()[lane] = number;
+    }
+
+    #[inline(always)]
+    fn inverse_sqrt(self) -> Self {
+        Self(f64x4::splat(1.0) / self.0.sqrt())
     }
 }
 
@@ -153,6 +195,21 @@ impl<V: Columnar> Triple<V> {
         }
     }
 
+    /// One of the columns.
+    #[inline(always)]
+    #[must_use]
+    pub fn column(self, lane: usize) -> Triple {
+        Triple { x: self.x.lane(lane), y: self.y.lane(lane), z: self.z.lane(lane) }
+    }
+
+    /// Replaces one of the columns.
+    #[inline(always)]
+    pub fn set_column(&mut self, lane: usize, column: Triple) {
+        self.x.set_lane(lane, column.x);
+        self.y.set_lane(lane, column.y);
+        self.z.set_lane(lane, column.z);
+    }
+
     /// One pair of the columns.
     #[inline(always)]
     #[must_use]
@@ -182,6 +239,17 @@ mod tests {
         assert_eq!(a.times_from(c, d), d - a * c);
         assert_eq!(both(Quad::splat(3.0)), [Pair::splat(3.0); 2]);
         assert_eq!(both(Quad::of_pairs(&[a])), [a, Pair::default()]);
+        assert_eq!(
+            both(Quad::of_pairs(&[c * c, d * d]).inverse_sqrt()),
+            [c * c, d * d].map(Pair::inverse_sqrt)
+        );
+        assert_eq!([0, 1, 2, 3].map(|lane| left.lane(lane)), [2.0, -3.0, 0.5, 7.0]);
+        let (mut four, mut two) = (left, a);
+        four.set_lane(2, 9.0);
+        Columnar::set_lane(&mut two, 1, 9.0);
+        assert_eq!((both(four), two), ([a, Pair::new(9.0, 7.0)], Pair::new(2.0, 9.0)));
+        assert_eq!(Columnar::lane(a, 1), -3.0);
+        assert_eq!((Pair::WIDTH, Quad::WIDTH), (2, 4));
     }
 
     #[test]
@@ -194,6 +262,10 @@ mod tests {
         assert_eq!([quad.pair(0), quad.pair(1)], pairs);
         let one: Triple<Pair> = Triple::of_pairs([pairs[1]]);
         assert_eq!(one.pair(0), pairs[1]);
+        assert_eq!(quad.column(2), Triple::new(-1.0, 7.0, 0.0));
+        let mut replaced = quad;
+        replaced.set_column(2, Triple::new(4.0, 5.0, 6.0));
+        assert_eq!((replaced.column(2), replaced.column(1)), (Triple::new(4.0, 5.0, 6.0), quad.column(1)));
         assert_eq!(Triple::new(1.0, 2.0, 3.0).in_all::<Quad>().pair(1), Triple::new(1.0, 2.0, 3.0).splat());
     }
 }

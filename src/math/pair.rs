@@ -54,7 +54,7 @@ impl Pair {
     /// Replaces the number of a lane, 0 or 1.
     #[inline(always)]
     pub fn set_lane(&mut self, lane: usize, value: f64) {
-        *self = if lane == 0 { Self::new(value, self.high()) } else { Self::new(self.low(), value) };
+        self.0.as_mut_array()[lane] = value;
     }
 
     /// `1 / sqrt(self)`.

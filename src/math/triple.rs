@@ -93,6 +93,13 @@ impl<T: Scalar> Triple<T> {
     pub fn scaled(self, factor: T) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
+
+    /// The components in order.
+    #[inline(always)]
+    #[must_use]
+    pub fn array(self) -> [T; 3] {
+        [self.x, self.y, self.z]
+    }
 }
 
 impl Triple {
@@ -108,13 +115,6 @@ impl Triple {
     #[must_use]
     pub fn norm(self) -> f64 {
         self.dot(self).sqrt()
-    }
-
-    /// The components in order.
-    #[inline(always)]
-    #[must_use]
-    pub fn array(self) -> [f64; 3] {
-        [self.x, self.y, self.z]
     }
 }
 
