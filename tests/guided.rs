@@ -214,6 +214,41 @@ fn a_loop_that_holds_is_sent_back_before_anything_else() {
     assert_ne!(next.waypoint.frame_angles, held.waypoint.frame_angles);
 }
 
+/// Goal: where the way to rest fails from a posture with magnets far beside the model, it is gone again in two steps: to where the magnets
+/// are then expected while the model rests, and from there to rest itself.
+#[test]
+fn a_way_to_rest_that_fails_is_gone_again_by_way_of_where_the_bias_takes_the_magnets() {
+    let (_, planner, targets) = rig();
+    let rest = planner.rest().posture.directions;
+    let posture = planner.from_rest(&targets[0]).expect("within 30 deg").posture;
+    let bent = beside(stance(&posture), [0.0, 4.0, 0.0]);
+    let mut guide = Guide::new(planner.clone());
+    guide.set_out(&targets[1]);
+    // The first leg that does not lead to the target; every way there is refused.
+    let homeward = |guide: &mut Guide| loop {
+        let next = leg(guide.order(&bent));
+        if !next.is_last && apart(&next.waypoint.directions, &rest) < 5.0_f64.to_radians() {
+            return next;
+        }
+        guide.tell(Told::Refused);
+    };
+    let straight = homeward(&mut guide);
+    assert_eq!(straight.waypoint.directions, rest);
+    guide.tell(Told::Refused);
+    let first = homeward(&mut guide);
+    let off = apart(&first.waypoint.directions, &rest).to_degrees();
+    assert!((off - 4.0).abs() < 0.5, "{off} deg");
+    assert_eq!(first.waypoint.frame_angles, straight.waypoint.frame_angles);
+    guide.tell(Told::Arrived);
+    let second = leg(guide.order(&bent));
+    assert_eq!((second.waypoint.directions, second.is_last), (rest, false));
+    assert_eq!(second.waypoint.frame_angles, first.waypoint.frame_angles);
+    guide.tell(Told::Arrived);
+    // From rest on the way leads to the target.
+    let next = leg(guide.order(&at_rest()));
+    assert!(next.is_last || apart(&next.waypoint.directions, &rest) < 1e-9, "{next:?}");
+}
+
 /// Goal: where the model does not find to where the rig is, the currents are let go; where it does not even then, the target is given up.
 #[test]
 fn a_rig_that_the_model_does_not_come_to_is_let_go_and_then_given_up() {

@@ -19,8 +19,9 @@
 //! Loads leave the mode's mass and damping as they are and of its stiffness a share `s`, the margin of
 //! stability: near a snap-through the rod answers `1 / s` times as late, and to take that for bias would drive
 //! it on into the snap. How far that is counted on, `c`, is a choice: a bias that lies the way of the lag is
-//! learnt later, which costs time where references are fast. What then differs is the model's error, and whatever else turns the magnets, not the rod's motion. It is filtered with `T` over the
-//! time between exposures, whatever their rate. Tangents out of line by more than is credible move the
+//! learnt later, which costs time where references are fast. What then differs is the model's error, and
+//! whatever else turns the magnets, not the rod's motion. It is filtered with `T` over the time between
+//! exposures, whatever their rate. Tangents out of line by more than is credible move the
 //! estimate no more than the credible would: a jump, or a sensor that lies for a while, shifts it slowly.
 //! Predictions that leap as no rod can, since currents or angles are measured wrongly or the model has lost
 //! its way, teach nothing and are not to be steered by until a time `T` has passed without.
@@ -69,7 +70,7 @@ pub struct DisturbanceConfig {
     pub mode_damping_ratio: f64,
     /// How much of the mode's softening by loads is counted on, 0 to 1: 1 where ways come near snap-throughs, 0 where references are fast.
     pub mode_softening: f64,
-    /// By how much more the measured actuation lags behind the field, ms, 0 to 400.
+    /// By how much the field lags behind the measured actuation, as eddy currents make it, ms, 0 to 400.
     pub delay_ms: f64,
     /// Greatest difference between a tangent and its estimate that counts in full, deg, > 0.
     pub innovation_max_deg: f64,

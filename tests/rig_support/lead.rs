@@ -111,12 +111,14 @@ impl<'a> Lead<'a> {
     fn steer(&mut self, leg: &Leg) -> (Told, Option<String>) {
         self.bench.request(Verb::SetTarget(leg.waypoint.target()));
         let Seen { told, error_deg, verdict } = self.watch(Some(leg), LEG_MAX);
+        let place = if leg.is_last { "" } else { "on the way " };
         let words = match told {
             Told::Refused => Some(format!("{verdict:?}")),
             Told::Missed => Some(format!("{error_deg:.1?} deg beside it, {verdict:?}")),
             Told::Held => Some("held near a snap-through".to_owned()),
             Told::Arrived | Told::Released => None,
         };
+        let words = words.map(|words| format!("{place}{words}"));
         (told, words)
     }
 

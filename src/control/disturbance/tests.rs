@@ -73,12 +73,13 @@ fn lasting_differences_are_learnt_with_the_time_constant() {
     }
 }
 
-/// Goal: a rod that answers as its mode, seen late, has no bias however it swings; compared with a prediction
-/// of another moment it would seem to have one of several degrees.
+/// Goal: a rod that answers as its mode, seen late, has no bias however it swings, where its field comes late as well; compared with a
+/// prediction of another moment it would seem to have one of several degrees.
 #[test]
 fn a_swinging_rod_seen_late_has_no_bias() {
-    for age_cycles in [5, 60, 200] {
-        let mut disturbance = Disturbance::new(&config(), 2);
+    for (age_cycles, delay_cycles) in [(5, 0), (60, 0), (200, 0), (5, 20), (60, 30)] {
+        let config = DisturbanceConfig { delay_ms: delay_cycles as f64 * PERIOD * 1e3, ..config() };
+        let mut disturbance = Disturbance::new(&config, 2);
         // The oracle: the same equation in 20 small steps a cycle.
         let (w, z) = (std::f64::consts::TAU * 4.0, 0.2);
         let (mut place, mut speed) = (90.0_f64, 0.0_f64);
@@ -86,20 +87,21 @@ fn a_swinging_rod_seen_late_has_no_bias() {
         let mut most = 0.0_f64;
         for number in 0..3000_usize {
             // A step of half a degree every 0.4 s: so small that chords are arcs.
-            let resting = if (number / 400) % 2 == 0 { 90.0 } else { 90.5 };
+            let resting_at = |number: usize| if (number / 400) % 2 == 0 { 90.0 } else { 90.5 };
+            let resting = resting_at(number.saturating_sub(delay_cycles));
             for _ in 0..20 {
                 speed += (w * w * (resting - place) - 2.0 * z * w * speed) * PERIOD / 20.0;
                 place += speed * PERIOD / 20.0;
             }
             were.push(place);
-            predict(&mut disturbance, [resting, 90.0], PERIOD);
+            predict(&mut disturbance, [resting_at(number), 90.0], PERIOD);
             if number >= age_cycles && number % 5 == 0 {
                 let then = were[number - age_cycles];
                 disturbance.learn(&pose([then, 90.0], [1, 1]), age_cycles as f64 * PERIOD);
             }
             most = most.max(bias_deg(&disturbance)[0].abs());
         }
-        assert!(most < 2e-3, "{age_cycles}: {most}");
+        assert!(most < 2e-3, "{age_cycles} {delay_cycles}: {most}");
     }
 }
 

@@ -10,7 +10,8 @@
 //! magnets, bent as much farther than the model as they are now, point at the target, and at the waypoints before it the magnets are asked
 //! to where they will be when the model is there. A way that was refused, or that ended beside its target, is not tried again: the next one
 //! ends with the frames elsewhere. A way that leads by way of rest is planned anew at rest, which everything after two ways in vain is,
-//! too. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the model does
+//! too. At rest, without loads, the magnets are asked to where the model is; where that fails from a posture that bends them far beside the
+//! model, they go first to where that takes them from rest, and from there to rest. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the model does
 //! not find to where the loop stands, or no way leads from there to rest, the currents are let go, which is the last resort: a rod whose
 //! currents fall all at once may snap on its way.
 //!
@@ -151,6 +152,8 @@ pub struct Guide {
     must_release: bool,
     /// True from when the loop was led to rest, or its currents were let go, until it is led away.
     is_at_rest: bool,
+    /// True while the magnets are at rest, but for what the model's bias was when they set out.
+    is_unbent: bool,
     is_there: bool,
 }
 
@@ -176,6 +179,7 @@ impl Guide {
             homeward_failed: 0,
             must_release: false,
             is_at_rest: false,
+            is_unbent: false,
             is_there: true,
         }
     }
@@ -202,14 +206,16 @@ impl Guide {
         }
         let Some(waypoint) = self.legs.front() else { return Ok(Some(Order::Release)) };
         let is_last = self.legs.len() == 1 && self.heading == Heading::Target;
-        let is_rest = waypoint.directions == self.planner.rest().posture.directions;
         let directions = match self.heading {
             Heading::Target if is_last => self.target,
-            // At rest hardly any load is left to bend the magnets beside the model, whatever they do here.
-            Heading::Target | Heading::Rest if !is_rest => {
+            Heading::Back => waypoint.directions,
+            // Hardly any load is left there to bend the magnets beside the model, whatever they do here.
+            Heading::Target | Heading::Rest if self.leads_to_rest() && !self.leads_beside_rest() => {
+                waypoint.directions
+            }
+            Heading::Target | Heading::Rest => {
                 turned(&waypoint.directions, &stance.predicted, &stance.measured)
             }
-            Heading::Target | Heading::Rest | Heading::Back => waypoint.directions,
         };
         if self.heading != Heading::Back {
             self.begun = Waypoint { directions: stance.measured, frame_angles: stance.actuation.angle_rad };
@@ -220,7 +226,10 @@ impl Guide {
     /// Tells what became of the last order.
     pub fn tell(&mut self, told: Told) {
         match told {
+            // Without loads the bias is another: what is left of the leg is gone without it.
+            Told::Arrived if self.leads_beside_rest() => self.is_unbent = true,
             Told::Arrived => {
+                self.is_unbent = self.leads_to_rest();
                 let passed = self.legs.pop_front();
                 if self.heading != Heading::Back {
                     self.back.splice(0..0, passed);
@@ -233,10 +242,11 @@ impl Guide {
             }
             Told::Released => {
                 (self.near, self.back) = (Vec::new(), Vec::new());
-                (self.must_release, self.is_at_rest) = (false, true);
+                (self.must_release, self.is_at_rest, self.is_unbent) = (false, true, true);
                 (self.since_rest, self.homeward_failed) = (0, 0);
             }
             Told::Refused | Told::Missed | Told::Held => {
+                self.is_unbent &= told == Told::Refused;
                 match self.heading {
                     Heading::Target => {
                         let failed = if told == Told::Refused { &mut self.refused } else { &mut self.missed };
@@ -256,6 +266,17 @@ impl Guide {
                 }
             }
         }
+    }
+
+    /// True when the present leg ends where the model rests.
+    fn leads_to_rest(&self) -> bool {
+        let rest = self.planner.rest().posture.directions;
+        self.heading != Heading::Back && self.legs.front().is_some_and(|leg| leg.directions == rest)
+    }
+
+    /// True when the present leg is the first of two steps to rest: with the model's bias, which the last way home failed without.
+    fn leads_beside_rest(&self) -> bool {
+        self.heading == Heading::Rest && self.leads_to_rest() && !self.is_unbent && self.homeward_failed > 0
     }
 
     /// Finds the next way, to the target or to rest, or that the currents must go before there is one.
