@@ -214,10 +214,10 @@ fn a_loop_that_holds_is_sent_back_before_anything_else() {
     assert_ne!(next.waypoint.frame_angles, held.waypoint.frame_angles);
 }
 
-/// Goal: where the way to rest fails from a posture with magnets far beside the model, it is gone again in two steps: to where the magnets
+/// Goal: where the way to rest is refused from a posture with magnets far beside the model, it is gone again in two steps: to where the magnets
 /// are then expected while the model rests, and from there to rest itself.
 #[test]
-fn a_way_to_rest_that_fails_is_gone_again_by_way_of_where_the_bias_takes_the_magnets() {
+fn a_way_to_rest_that_is_refused_is_gone_again_by_way_of_where_the_bias_takes_the_magnets() {
     let (_, planner, targets) = rig();
     let rest = planner.rest().posture.directions;
     let posture = planner.from_rest(&targets[0]).expect("within 30 deg").posture;

@@ -10,10 +10,10 @@
 //! magnets, bent as much farther than the model as they are now, point at the target, and at the waypoints before it the magnets are asked
 //! to where they will be when the model is there. A way that was refused, or that ended beside its target, is not tried again: the next one
 //! ends with the frames elsewhere. A way that leads by way of rest is planned anew at rest, which everything after two ways in vain is,
-//! too. At rest, without loads, the magnets are asked to where the model is; where that fails from a posture that bends them far beside the
-//! model, they go first to where that takes them from rest, and from there to rest. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the model does
-//! not find to where the loop stands, or no way leads from there to rest, the currents are let go, which is the last resort: a rod whose
-//! currents fall all at once may snap on its way.
+//! too. At rest, without loads, the magnets are asked to where the model is; where that is refused from a posture that bends them far beside
+//! the model, they go first to where that takes them from rest, and from there to rest. A loop that holds near a snap-through is sent back
+//! at once to where its leg began, before anything is planned. Where the model does not find to where the loop stands, or no way leads from
+//! there to rest, the currents are let go, which is the last resort: a rod whose currents fall all at once may snap on its way.
 //!
 //! What is absent: a loop, a clock, a channel. Whoever steers carries out [`Order`]s and tells what became of them ([`Told`]).
 
@@ -149,6 +149,8 @@ pub struct Guide {
     since_rest: u32,
     /// Ways to rest that failed since then.
     homeward_failed: u32,
+    /// True when the last of them was refused.
+    is_homeward_refused: bool,
     must_release: bool,
     /// True from when the loop was led to rest, or its currents were let go, until it is led away.
     is_at_rest: bool,
@@ -177,6 +179,7 @@ impl Guide {
             missed: 0,
             since_rest: 0,
             homeward_failed: 0,
+            is_homeward_refused: false,
             must_release: false,
             is_at_rest: false,
             is_unbent: false,
@@ -255,6 +258,7 @@ impl Guide {
                     }
                     Heading::Rest => {
                         self.homeward_failed += 1;
+                        self.is_homeward_refused = told == Told::Refused;
                         self.must_release = self.homeward_failed >= HOMEWARD_MAX;
                     }
                     // The next way begins wherever that ended.
@@ -274,9 +278,10 @@ impl Guide {
         self.heading != Heading::Back && self.legs.front().is_some_and(|leg| leg.directions == rest)
     }
 
-    /// True when the present leg is the first of two steps to rest: with the model's bias, which the last way home failed without.
+    /// True when the present leg is the first of two steps to rest: with the model's bias, without which the way was refused.
     fn leads_beside_rest(&self) -> bool {
-        self.heading == Heading::Rest && self.leads_to_rest() && !self.is_unbent && self.homeward_failed > 0
+        let is_again = self.homeward_failed > 0 && self.is_homeward_refused;
+        self.heading == Heading::Rest && self.leads_to_rest() && !self.is_unbent && is_again
     }
 
     /// Finds the next way, to the target or to rest, or that the currents must go before there is one.
