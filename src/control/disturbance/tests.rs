@@ -87,7 +87,7 @@ fn a_swinging_rod_seen_late_has_no_bias() {
         let mut most = 0.0_f64;
         for number in 0..3000_usize {
             // A step of half a degree every 0.4 s: so small that chords are arcs.
-            let resting_at = |number: usize| if (number / 400) % 2 == 0 { 90.0 } else { 90.5 };
+            let resting_at = |number: usize| if (number / 400).is_multiple_of(2) { 90.0 } else { 90.5 };
             let resting = resting_at(number.saturating_sub(delay_cycles));
             for _ in 0..20 {
                 speed += (w * w * (resting - place) - 2.0 * z * w * speed) * PERIOD / 20.0;
