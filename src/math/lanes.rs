@@ -1,4 +1,4 @@
-//! As many columns together as the processor that the program is built for has room for.
+//! As many columns, or coils, together as the processor that the program is built for has room for.
 //!
 //! A build for any x86-64 or ARMv8 processor works on a [`Pair`]. One that may rely on AVX and FMA
 //! (`RUSTFLAGS="-C target-cpu=x86-64-v3"`, or `native` on the machine that runs it) works on a [`Quad`]: half as many

@@ -154,7 +154,7 @@ pub struct Guide {
     must_release: bool,
     /// True from when the loop was led to rest, or its currents were let go, until it is led away.
     is_at_rest: bool,
-    /// True while the magnets are at rest, but for what the model's bias was when they set out.
+    /// True while the magnets are at rest, or beside it by no more than what the model's bias was when they set out.
     is_unbent: bool,
     is_there: bool,
 }
