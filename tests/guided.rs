@@ -9,6 +9,7 @@ use magsteer::control::plan::{
     GivenUp, Guide, Leg, Order, Planner, Posture, Rehearsal, Stance, Told, draw_targets,
 };
 use magsteer::math::angle_between;
+use magsteer_hal::COILS_MAX;
 use nalgebra::{Rotation3, Vector3};
 use rig_support::Setup;
 use rig_support::lead::Lead;
@@ -36,6 +37,7 @@ fn stance(posture: &Posture) -> Stance {
         actuation: posture.present.actuation,
         predicted: posture.directions,
         measured: posture.directions,
+        gains: [1.0; COILS_MAX],
     }
 }
 

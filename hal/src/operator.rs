@@ -8,7 +8,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 pub use cause::Cause;
 
-use crate::message::{Actuation, Header, MAGNETS_MAX, POSE_PARAMETERS_MAX};
+use crate::message::{Actuation, COILS_MAX, Header, MAGNETS_MAX, POSE_PARAMETERS_MAX};
 
 /// What an operator asks for; the codes of [`OperatorRequest::verb`].
 pub mod verb {
@@ -245,7 +245,7 @@ pub struct LoopTiming {
 /// A view of the daemon for anyone who looks; never a command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_status_v5")]
+#[type_name("magsteer_status_v6")]
 pub struct StatusMessage {
     /// Common header; `source_stamp_ns` is the cycle's tick.
     pub header: Header,
@@ -320,6 +320,8 @@ pub struct StatusMessage {
     pub measured_direction: [[f64; 3]; MAGNETS_MAX],
     /// Tangents that the model predicts for the present actuation, world.
     pub predicted_direction: [[f64; 3]; MAGNETS_MAX],
+    /// Field of every coil that the model believes in, over that of its description: learnt where the daemon learns it, else 1.
+    pub coil_gain: [f64; COILS_MAX],
     /// Centres of the magnets measured last, world; zero where a magnet was not seen.
     pub measured_position_m: [[f64; 3]; MAGNETS_MAX],
     /// [`crate::HardwareDescription::fingerprint`] of the rig as the daemon knows it, so that a viewer can tell whether it

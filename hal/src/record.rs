@@ -7,7 +7,9 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::hardware::Absent;
-use crate::message::{Actuation, CoilFeedback, Header, MAGNETS_MAX, POSE_PARAMETERS_MAX, PoseMessage};
+use crate::message::{
+    Actuation, COILS_MAX, CoilFeedback, Header, MAGNETS_MAX, POSE_PARAMETERS_MAX, PoseMessage,
+};
 
 /// Most cycles of a batch: 8 ms at 1 kHz.
 pub const BATCH_CYCLES: usize = 8;
@@ -161,7 +163,7 @@ pub struct PhasesMessage {
 /// One cycle of the daemon.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_cycle_v1")]
+#[type_name("magsteer_cycle_v2")]
 pub struct CycleMessage {
     /// When it ran.
     pub tick: TickMessage,
@@ -191,6 +193,8 @@ pub struct CycleMessage {
     pub predicted_direction: [[f64; 3]; MAGNETS_MAX],
     /// Bias of the model, a rotation vector a magnet, world.
     pub bias_rad: [[f64; 3]; MAGNETS_MAX],
+    /// Field of every coil that the model believed in, over that of its description.
+    pub coil_gain: [f64; COILS_MAX],
     /// Currents and angles that the controller asked of the gate.
     pub requested: Actuation,
     /// Currents and angles admitted last, this cycle's included.
@@ -291,7 +295,7 @@ pub struct CycleMessage {
 /// Some cycles in their order.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
-#[type_name("magsteer_record_batch_v1")]
+#[type_name("magsteer_record_batch_v2")]
 pub struct RecordBatch {
     /// Common header; `epoch` is the daemon's life, `sequence` rises by one with every batch.
     pub header: Header,

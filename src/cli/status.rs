@@ -85,6 +85,8 @@ struct Answer {
     stability_margin: f64,
     /// True while it is to be warned of.
     stability_low: bool,
+    /// Field of each coil that the model believes in, over that of its description; 1 where it is not learnt.
+    coil_gains: Vec<f64>,
     /// "unchecked", "checking", "clear", "out-of-reach" or "refused": what is known of the way to the target set last.
     target_verdict: &'static str,
     /// Timing since the start.
@@ -230,6 +232,7 @@ impl Answer {
             model_converged: status.model_converged == 1,
             stability_margin: status.stability_margin,
             stability_low: status.stability_low == 1,
+            coil_gains: status.coil_gain[..coils].to_vec(),
             target_verdict: verdict::name(status.target_verdict),
             timing: TimingSummary::of_status(status),
             last_minute: TimingSummary::of_last_minute(status),
@@ -280,7 +283,7 @@ impl Answer {
         let age = self.pose_age_us.map_or("none".to_owned(), |age| format!("{:.1} ms old", age * 1e-3));
         format!(
             "{}{cause}, cycle {}, {:.0} of {:.0} Hz, {} missed, late {:.0} us, poses {age}\n\
-            target   {target}\nmeasured {} deg{}\ncurrents {} A{}\nframes   {} deg\nmargin   {:.2}{}\n{}{}",
+            target   {target}\nmeasured {} deg{}\ncurrents {} A{}\nframes   {} deg\nmargin   {:.2}{}\n{}{}{}",
             self.state,
             self.cycle,
             self.rate_measured_hz,
@@ -294,9 +297,19 @@ impl Answer {
             numbers(&names.frames, &all(&self.angles_deg)),
             self.stability_margin,
             if self.stability_low { ": close to a snap-through" } else { "" },
+            self.gains_text(),
             self.guards(),
             self.recorder_text(),
         )
+    }
+
+    /// A line where gains are learnt.
+    fn gains_text(&self) -> String {
+        if self.coil_gains.iter().all(|gain| *gain == 1.0) {
+            return String::new();
+        }
+        let gains = self.coil_gains.iter().copied().map(Some).collect::<Vec<_>>();
+        format!("gains    {}\n", numbers(&[], &gains))
     }
 
     /// A line when there is something to know.

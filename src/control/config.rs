@@ -9,6 +9,7 @@ use super::allocation::AllocationKind;
 use super::disturbance::DisturbanceConfig;
 use super::error::OrientationErrorKind;
 use super::feedback::FeedbackKind;
+use super::gains::GainsConfig;
 use super::plan::PlanConfig;
 use super::scout::ScoutConfig;
 use super::secondary::SecondaryConfig;
@@ -31,6 +32,9 @@ pub struct ControlConfig {
     pub integral_per_s2: f64,
     /// How the model's bias is estimated; needed when it is chosen.
     pub disturbance: Option<DisturbanceConfig>,
+    /// How the gains of the coils are learnt; without it they are those of the description, and also where the bias is not estimated or
+    /// the Jacobian is Algorithm 1's, which knows none.
+    pub gains: Option<GainsConfig>,
     /// Greatest speed of each direction's reference, deg/s, > 0. Frame angles keep the speed of the rig's
     /// description.
     pub reference_speed_max_deg_per_s: f64,
@@ -135,6 +139,9 @@ impl ControlConfig {
         );
         if let Some(disturbance) = &self.disturbance {
             disturbance.check(&mut checks);
+        }
+        if let Some(gains) = &self.gains {
+            gains.check(&mut checks);
         }
         checks.into_result(()).err().unwrap_or_default()
     }

@@ -19,6 +19,7 @@ use super::allocation::{Allocation, Wish};
 use super::config::{ControlConfig, FrameUse};
 use super::error::OrientationError;
 use super::feedback::{Feedback, Seen};
+use super::gains::Gains;
 use super::jacobian::{differenced_rows, exact_rows};
 use super::model::Model;
 use super::reference::{Pacing, Reference, ReferenceTarget};
@@ -38,6 +39,8 @@ pub struct Cycle {
     reference: Reference,
     scout: Option<Scout>,
     feedback: Feedback,
+    /// Where gains are learnt.
+    gains: Option<Gains>,
     allocation: Allocation,
     magnets: usize,
     coils: usize,
@@ -80,6 +83,11 @@ impl Cycle {
             error: OrientationError::new(config.orientation_error, &base),
             reference: Reference::new(magnets, &Pacing::new(config, description)),
             feedback: Feedback::new(config, magnets),
+            gains: config
+                .gains
+                .as_ref()
+                .filter(|_| config.jacobian == JacobianKind::Exact)
+                .map(|gains| Gains::new(gains, coils)),
             allocation: Allocation::new(config, description, rows),
             magnets,
             coils,
@@ -120,6 +128,14 @@ impl Cycle {
             }
         }
         Some(present)
+    }
+
+    /// Learns the coils' gains from fresh poses; the model has them from the next cycle on.
+    fn learn_gains(&mut self, input: &CycleInput) {
+        if let (Some(gains), Some(seen)) = (&mut self.gains, self.feedback.sightings()) {
+            gains.learn(&self.model, &input.measured.current_a, seen);
+            self.model.set_gains(&gains.gains());
+        }
     }
 
     fn has_jacobian(&self) -> bool {
@@ -273,6 +289,10 @@ impl Step for Cycle {
             margin: report.margin,
             period: input.period,
         });
+        let gains = *self.model.gains();
+        if input.pose_is_fresh && report.converged {
+            self.learn_gains(input);
+        }
         let mut outcome = CycleOutcome {
             request: input.admitted,
             desired: Directions::default(),
@@ -281,6 +301,7 @@ impl Step for Cycle {
             measured: self.directions(|cycle, magnet| cycle.measured[magnet].unwrap_or_default()),
             predicted,
             bias: self.feedback.bias(),
+            gains,
             model: report,
             condition: 0.0,
             saturated: 0,

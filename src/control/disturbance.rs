@@ -102,6 +102,19 @@ pub(super) struct Prediction<'a> {
     pub(super) period: f64,
 }
 
+/// What one pose showed of a magnet.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sighting {
+    /// Tangent that the model predicted for then, as the rod would have answered.
+    pub(super) predicted: Vector3<f64>,
+    /// Tangent that was measured.
+    pub(super) measured: Vector3<f64>,
+    /// Angle from there to where the model has it rest now, rad.
+    pub(super) lag: f64,
+    /// Time since the exposure before, s; what counts of it.
+    pub(super) span: f64,
+}
+
 /// The estimate.
 #[derive(Debug, Clone)]
 pub struct Disturbance {
@@ -118,6 +131,8 @@ pub struct Disturbance {
     astray: f64,
     newest: Directions,
     magnet: [Estimate; MAGNETS_MAX],
+    /// What the last pose showed; none of a magnet that it did not show, or that teaches nothing.
+    sightings: [Option<Sighting>; MAGNETS_MAX],
 }
 
 /// What is known of one magnet.
@@ -144,6 +159,7 @@ impl Disturbance {
             astray: f64::NEG_INFINITY,
             newest: Directions::default(),
             magnet: [Estimate { bias: Vector3::zeros(), exposed: None }; MAGNETS_MAX],
+            sightings: [None; MAGNETS_MAX],
         }
     }
 
@@ -178,12 +194,14 @@ impl Disturbance {
     /// Learns from poses that were true `age` seconds ago; call it once for each.
     pub(super) fn learn(&mut self, pose: &PoseMessage, age: f64) {
         let exposed = self.elapsed - age;
+        self.sightings = [None; MAGNETS_MAX];
         if exposed <= self.astray {
             return;
         }
         let past = self.past.at(age + self.delay);
-        for ((estimate, magnet), then) in
-            self.magnet.iter_mut().zip(&pose.magnets).zip(&past).take(self.magnets)
+        let estimates = self.magnet.iter_mut().zip(&mut self.sightings).zip(&self.newest);
+        for (((estimate, sighting), resting), (magnet, then)) in
+            estimates.zip(pose.magnets.iter().zip(&past)).take(self.magnets)
         {
             if magnet.valid != 1 {
                 continue;
@@ -203,7 +221,14 @@ impl Disturbance {
             let share = -(-span / self.time_constant).exp_m1();
             estimate.bias += innovation * (credible * share);
             estimate.exposed = Some(exposed.max(before));
+            let lag = angle_between(&then, &Vector3::from(*resting));
+            *sighting = Some(Sighting { predicted: then, measured, lag, span });
         }
+    }
+
+    /// What the poses learnt from last showed of the magnets.
+    pub(super) fn sightings(&self) -> &[Option<Sighting>; MAGNETS_MAX] {
+        &self.sightings
     }
 
     /// A magnet's predicted tangent with the bias.

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::config::ControlConfig;
-use super::disturbance::{Disturbance, Prediction};
+use super::disturbance::{Disturbance, Prediction, Sighting};
 use super::integral::ProportionalIntegral;
 use super::past::Past;
 use super::step::Directions;
@@ -77,6 +77,11 @@ impl Feedback {
         if let Some(pose) = seen.fresh {
             disturbance.learn(pose, seen.age);
         }
+    }
+
+    /// What the newest poses showed beside the model; `None` where its bias is not estimated.
+    pub(super) fn sightings(&self) -> Option<&[Option<Sighting>; MAGNETS_MAX]> {
+        self.disturbance.as_ref().map(Disturbance::sightings)
     }
 
     /// Begins anew with the reference at rest.

@@ -14,7 +14,7 @@
 //! (60, 90): there both hold a margin of 0.4, with determinants of 1.9 and 0.8. Its gradient with the actuation, and on request that
 //! of the expected power, come from one extra pass a cycle, for one parameter after another.
 
-use magsteer_hal::{Actuation, HardwareDescription, MAGNETS_MAX};
+use magsteer_hal::{Actuation, COILS_MAX, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
 
 use super::algorithm_1::{HeldPose, Present};
@@ -46,6 +46,8 @@ pub struct Model {
     passes_max: u32,
     coils: usize,
     frames: usize,
+    /// Of the coils' fields over those described.
+    gains: [f64; COILS_MAX],
     good: Good,
     stability: Stability,
     probe: Probe,
@@ -107,6 +109,7 @@ impl Model {
             pass,
             anchor,
             passes_max,
+            gains: [1.0; COILS_MAX],
             good: Good {
                 tangents: [Vector3::zeros(); MAGNETS_MAX],
                 jacobian: [[[0.0; PARAMETERS_MAX]; 3]; MAGNETS_MAX],
@@ -188,7 +191,7 @@ impl Model {
         self.probe.restart();
     }
 
-    /// Goes to where another model of the same rig is: equilibrium, derivatives, stability, stiffness. Allocates no memory.
+    /// Goes to where another model of the same rig is: equilibrium, derivatives, stability, stiffness, gains. Allocates no memory.
     pub fn take_up(&mut self, other: &Self) {
         let (anchor, from) = (&mut self.anchor, &other.anchor);
         (anchor.actuation, anchor.unknowns, anchor.reach) = (from.actuation, from.unknowns, from.reach);
@@ -196,6 +199,32 @@ impl Model {
         self.good = other.good.clone();
         self.stability = other.stability;
         self.probe.take_up(&other.probe);
+        self.believe(&other.gains);
+    }
+
+    /// From now on every coil makes `gains` times the field of its description; the equilibrium is led there to first order. Allocates
+    /// no memory.
+    pub fn set_gains(&mut self, gains: &[f64; COILS_MAX]) {
+        let anchor = &mut self.anchor;
+        let changes = gains.iter().zip(&self.gains).map(|(to, from)| to / from);
+        let coils = anchor.derivatives.iter_mut().zip(&anchor.actuation.current_a).take(self.coils);
+        for ((derivative, current), change) in coils.zip(changes) {
+            anchor.unknowns += *derivative * (current * (change - 1.0));
+            *derivative *= change;
+        }
+        self.believe(gains);
+    }
+
+    fn believe(&mut self, gains: &[f64; COILS_MAX]) {
+        self.gains = *gains;
+        self.array.amplify_into(&self.gains, &mut self.posed);
+        self.probe.believe(&self.array, &self.gains);
+    }
+
+    /// What every coil's field is taken to be over that of its description; 1 past the last coil.
+    #[must_use]
+    pub fn gains(&self) -> &[f64; COILS_MAX] {
+        &self.gains
     }
 
     /// True once a Jacobian was computed.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use magsteer_hal::{Actuation, MAGNETS_MAX, PoseMessage};
+use magsteer_hal::{Actuation, COILS_MAX, MAGNETS_MAX, PoseMessage};
 use rayon::{ThreadPool, ThreadPoolBuildError};
 
 use super::reference::ReferenceTarget;
@@ -70,6 +70,8 @@ pub struct CycleOutcome {
     /// Bias of the model: of every magnet the rotation vector from its predicted tangent to where it is taken
     /// to be, rad, world; zero where it is not estimated.
     pub bias: [[f64; 3]; MAGNETS_MAX],
+    /// Gains of the coils that the model was computed with; 1 past the last coil, and where they are not learnt.
+    pub gains: [f64; COILS_MAX],
     /// The model's health.
     pub model: ModelReport,
     /// Ratio of the largest to the smallest singular value in use of the scaled Jacobian.
@@ -91,6 +93,7 @@ impl CycleOutcome {
             measured: UP,
             predicted: UP,
             bias: [[0.0; 3]; MAGNETS_MAX],
+            gains: [1.0; COILS_MAX],
             model: ModelReport {
                 converged: true,
                 residual: 0.0,

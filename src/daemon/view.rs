@@ -156,6 +156,7 @@ impl StatusView {
             desired_direction: outcome.desired,
             measured_direction: outcome.measured,
             predicted_direction: outcome.predicted,
+            coil_gain: outcome.gains,
             measured_position_m: positions(record.input.pose.as_ref()),
             description_fingerprint: self.description_fingerprint,
             measured: record.input.measured,

@@ -37,6 +37,7 @@ pub fn cycle_message(record: &CycleRecord) -> CycleMessage {
         measured_direction: outcome.measured,
         predicted_direction: outcome.predicted,
         bias_rad: outcome.bias,
+        coil_gain: outcome.gains,
         requested: outcome.request,
         admitted: record.admitted,
         epoch: decision.epoch,

@@ -138,6 +138,16 @@ impl CoilArray {
             posed.groups[coil / WIDTH].set_pose(coil % WIDTH, &pose);
         }
     }
+
+    /// Lets every coil of an array made earlier by this one make `gains` (one a coil in the description's order) times its described
+    /// field, wherever it is posed from now on. Coils without a gain keep theirs; gains past the last coil are not read.
+    pub fn amplify_into(&self, gains: &[f64], posed: &mut PosedArray) {
+        let gains = &gains[..gains.len().min(self.rest.coil_count)];
+        let groups = posed.groups.iter_mut().zip(&self.rest.groups);
+        for ((group, unit), gains) in groups.zip(gains.chunks(WIDTH)) {
+            group.set_scaled_series(unit, gains);
+        }
+    }
 }
 
 impl Frame {

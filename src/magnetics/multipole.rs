@@ -128,6 +128,15 @@ impl<V: Columnar> CoilGroup<V> {
         }
     }
 
+    /// Takes the series of `unit`, the field of each lane multiplied by its gain; lanes past the last gain, and all poses, stay.
+    pub(super) fn set_scaled_series(&mut self, unit: &Self, gains: &[f64]) {
+        for (lanes, unit) in self.weights.iter_mut().zip(&unit.weights) {
+            for (lane, gain) in gains.iter().enumerate() {
+                lanes.set_lane(lane, unit.lane(lane) * gain);
+            }
+        }
+    }
+
     /// Moves the coil of a lane.
     pub(super) fn set_pose(&mut self, lane: usize, pose: &CoilPose) {
         self.origin.set_column(lane, pose.origin.into());

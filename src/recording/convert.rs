@@ -113,6 +113,7 @@ impl Cycle {
             measured: vectors(&it.measured_direction),
             predicted: vectors(&it.predicted_direction),
             bias_rad: vectors(&it.bias_rad),
+            coil_gain: it.coil_gain[..coils].to_vec(),
             model_converged: it.model_converged,
             residual: it.residual,
             model_passes: it.model_passes,

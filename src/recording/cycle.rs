@@ -240,6 +240,8 @@ cycle! {
     predicted: Vec<[f64; 3]> = Magnet,
     /// Bias of the model, a rotation vector.
     bias_rad: Vec<[f64; 3]> = Magnet,
+    /// Field of each coil that the model believes in, over that of its description.
+    coil_gain: Vec<f64> = Coil,
     /// 1 when the equilibrium was found.
     model_converged: u32 = Cycle,
     /// Scaled residual of the statics.

@@ -192,6 +192,7 @@ fn stance(record: &CycleRecord) -> Stance {
         actuation: record.input.measured,
         predicted: record.outcome.predicted,
         measured: record.outcome.measured,
+        gains: record.outcome.gains,
     }
 }
 

@@ -6,7 +6,7 @@ Generated from the Rust sources by `magsteer hal bindings`: do not edit.
 import ctypes
 
 SCHEMA = 1
-SCHEMA_HASH = "69ef75e3921a68d3"
+SCHEMA_HASH = "36bb9624f1018364"
 SCHEMA_ATTRIBUTE = "magsteer-schema"
 TRANSPORT_VERSION = "0100"
 ROOT_LENGTH_MAX = 65
@@ -291,6 +291,7 @@ class StatusMessage(ctypes.Structure):
         ("desired_direction", (ctypes.c_double * 3) * 8),
         ("measured_direction", (ctypes.c_double * 3) * 8),
         ("predicted_direction", (ctypes.c_double * 3) * 8),
+        ("coil_gain", ctypes.c_double * 32),
         ("measured_position_m", (ctypes.c_double * 3) * 8),
         ("description_fingerprint", ctypes.c_uint64),
         ("measured", Actuation),
@@ -299,7 +300,7 @@ class StatusMessage(ctypes.Structure):
 
     @staticmethod
     def type_name() -> str:
-        return "magsteer_status_v5"
+        return "magsteer_status_v6"
 
 
 # Size of each structure and offset of each field as Rust has them.
@@ -393,7 +394,7 @@ LAYOUTS = {
         "pose_to_driver": 376,
         "round_trip": 416,
     }),
-    "StatusMessage": (2736, {
+    "StatusMessage": (2992, {
         "header": 0,
         "state": 48,
         "cause": 52,
@@ -430,9 +431,10 @@ LAYOUTS = {
         "desired_direction": 1320,
         "measured_direction": 1512,
         "predicted_direction": 1704,
-        "measured_position_m": 1896,
-        "description_fingerprint": 2088,
-        "measured": 2096,
-        "admitted": 2416,
+        "coil_gain": 1896,
+        "measured_position_m": 2152,
+        "description_fingerprint": 2344,
+        "measured": 2352,
+        "admitted": 2672,
     }),
 }

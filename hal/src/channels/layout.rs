@@ -133,6 +133,7 @@ pub(crate) fn layouts() -> Vec<Layout> {
             desired_direction,
             measured_direction,
             predicted_direction,
+            coil_gain,
             measured_position_m,
             description_fingerprint,
             measured,
@@ -162,6 +163,7 @@ pub(crate) fn layouts() -> Vec<Layout> {
             measured_direction,
             predicted_direction,
             bias_rad,
+            coil_gain,
             requested,
             admitted,
             epoch,
@@ -285,10 +287,24 @@ mod tests {
             ("PhasesMessage", 5 * 8),
             (
                 "CycleMessage",
-                40 + 568 + 440 + 2 * 24 + 272 + 2 * 24 + 3 * 264 + 4 * 192 + 2 * 320 + 14 * 8 + 40 + 30 * 4,
+                40 + 568
+                    + 440
+                    + 2 * 24
+                    + 272
+                    + 2 * 24
+                    + 3 * 264
+                    + 4 * 192
+                    + 256
+                    + 2 * 320
+                    + 14 * 8
+                    + 40
+                    + 30 * 4,
             ),
-            ("RecordBatch", 48 + 3 * 8 + 4 * 4 + 8 * 3888),
-            ("StatusMessage", 48 + 8 + 11 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 5 * 192 + 8 + 2 * 320),
+            ("RecordBatch", 48 + 3 * 8 + 4 * 4 + 8 * 4144),
+            (
+                "StatusMessage",
+                48 + 8 + 11 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 5 * 192 + 256 + 8 + 2 * 320,
+            ),
         ];
         let text = text();
         for (name, size) in sizes {

@@ -208,5 +208,6 @@ fn stance(status: &StatusMessage) -> Stance {
         actuation: status.measured,
         predicted: status.predicted_direction,
         measured: status.measured_direction,
+        gains: status.coil_gain,
     }
 }

@@ -19,7 +19,7 @@
 
 use std::collections::VecDeque;
 
-use magsteer_hal::Actuation;
+use magsteer_hal::{Actuation, COILS_MAX};
 use nalgebra::{Rotation3, Vector3};
 
 use super::planner::{Plan, Planner, Setting, Standing, Unreached};
@@ -45,6 +45,8 @@ pub struct Stance {
     pub predicted: Directions,
     /// Measured tangents, world.
     pub measured: Directions,
+    /// Gains of the coils that its model believes in.
+    pub gains: [f64; COILS_MAX],
 }
 
 /// What the loop is to do next.
@@ -291,6 +293,7 @@ impl Guide {
         if refused + missed >= WAYS_MAX {
             return Err(exhausted);
         }
+        self.planner.set_gains(&stance.gains);
         let standing = self.planner.standing_at(&stance.actuation, &stance.predicted, &self.near, &self.back);
         let Some(Standing { posture, home }) = standing else {
             self.must_release = true;

@@ -1,6 +1,6 @@
 //! Global search over frame settings: what can be asked of it. How it goes is in `search`.
 
-use magsteer_hal::{Actuation, HardwareDescription, POSE_PARAMETERS_MAX};
+use magsteer_hal::{Actuation, COILS_MAX, HardwareDescription, POSE_PARAMETERS_MAX};
 use rayon::prelude::*;
 
 use super::config::PlanConfig;
@@ -128,6 +128,12 @@ impl Planner {
         planner
     }
 
+    /// From now on plans for a rig whose every coil makes `gains` times its described field. In which order settings are tried stays.
+    pub fn set_gains(&mut self, gains: &[f64; COILS_MAX]) {
+        self.walker.set_gains(gains);
+        self.scout.iter_mut().for_each(|scout| scout.set_gains(gains));
+    }
+
     /// The posture without currents, frames where they stand while nothing steers them.
     #[must_use]
     pub fn rest(&self) -> &Standing {
@@ -213,7 +219,7 @@ impl Planner {
 
     /// Where a loop stands: the posture under these currents and angles in which the magnets point as `predicted`, come to from one of
     /// those `near` it, from rest, or from where these frames lead to the same directions; `None` when the model does not come there. Its
-    /// way to rest is one that the loop's scout lets pass; `back` leads there along where the loop came from.
+    /// way to rest is one that the loop's scout lets pass, where there is one; `back` leads there along where the loop came from.
     #[must_use]
     pub fn standing_at(
         &self,
@@ -233,11 +239,16 @@ impl Planner {
             let there = self.from_rest_with(&actuation.angle_rad, predicted).ok()?;
             come_from(&there.posture)
         })?;
-        let passes = |home: &Vec<Waypoint>| self.passes(&posture, home);
-        let home = self.way_home(&posture, back).filter(passes).or_else(|| {
-            let rest = Goal { directions: &self.rest.posture.directions, avoided: &[] };
-            self.search(&posture, &rest, false).ok().filter(|plan| plan.passes).map(|plan| plan.waypoints)
-        });
+        let along = self.way_home(&posture, back);
+        if along.as_ref().is_some_and(|home| self.passes(&posture, home)) {
+            return Some(Standing { posture, home: along });
+        }
+        let rest = Goal { directions: &self.rest.posture.directions, avoided: &[] };
+        let found = self.search(&posture, &rest, false).ok();
+        let home = match (found, along) {
+            (Some(found), along) if found.passes || along.is_none() => Some(found.waypoints),
+            (_, along) => along,
+        };
         Some(Standing { posture, home })
     }
 

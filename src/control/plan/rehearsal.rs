@@ -8,7 +8,7 @@
 //! As the scout's: quasi-static, and as good as the model; the bias that the loop estimates is not known here. Frames without
 //! goals stay where they are, which those do not that secondary tasks turn in the loop.
 
-use magsteer_hal::{Actuation, HardwareDescription};
+use magsteer_hal::{Actuation, COILS_MAX, HardwareDescription};
 use nalgebra::Vector3;
 
 use super::walk::{Advance, Bounds, Obstacle, Posture, Waypoint};
@@ -64,6 +64,11 @@ impl Rehearsal {
         // Frames that turn without currents turn nothing.
         let _ = rehearsal.begin_at(&Actuation { angle_rad, ..Actuation::default() });
         rehearsal
+    }
+
+    /// From now on every coil makes `gains` times its described field.
+    pub fn set_gains(&mut self, gains: &[f64; COILS_MAX]) {
+        self.walker.set_gains(gains);
     }
 
     /// Begins at the equilibrium under these currents and angles.

@@ -4,7 +4,7 @@
 //! and bounded allocation are those of the cycle, with its null-space tasks. So an equilibrium is followed along its branch as the rod
 //! would, and what ends a walk would end the motion: a current at its limit, a branch that ends, a margin of stability too small.
 
-use magsteer_hal::{Actuation, HardwareDescription};
+use magsteer_hal::{Actuation, COILS_MAX, HardwareDescription};
 use nalgebra::{Matrix3, Vector3};
 
 use super::expected_power::ExpectedPower;
@@ -162,6 +162,11 @@ impl Walker {
     pub fn take_up(&mut self, model: &Model) {
         self.model.take_up(model);
         self.at = model.present();
+    }
+
+    /// From now on every coil makes `gains` times its described field.
+    pub fn set_gains(&mut self, gains: &[f64; COILS_MAX]) {
+        self.model.set_gains(gains);
     }
 
     /// Takes currents and angles straight to `actuation`.

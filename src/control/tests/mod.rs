@@ -3,7 +3,7 @@
 
 mod allocation;
 mod cycle;
-mod fixtures;
+pub(super) mod fixtures;
 mod model;
 mod scout;
 mod secondary;

@@ -179,6 +179,7 @@ const COIL: &[Row] = &[
         "admitted before this cycle",
         Of::Entry(|it, coil| it.input.admitted.current_a[coil]),
     ),
+    ("gain", "field by the model over that of the description", Of::Entry(|it, coil| it.outcome.gains[coil])),
 ];
 
 /// Values of each frame.

@@ -1,0 +1,283 @@
+//! Gains are learnt as far as measurements tell of them, and no farther.
+
+use magsteer_hal::{Actuation, COILS_MAX, MAGNETS_MAX};
+use nalgebra::{DMatrix, DVector, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::{Gains, GainsConfig};
+use crate::control::Model;
+use crate::control::disturbance::Sighting;
+use crate::control::tests::fixtures::{Rig, numbers, seeded};
+use crate::math::angle_between;
+
+/// Time between exposures, s.
+const SPAN: f64 = 5e-3;
+const MAGNETS: usize = 2;
+
+fn config() -> GainsConfig {
+    GainsConfig {
+        common_deviation: 0.15,
+        own_deviation: 0.03,
+        error_deg: 1.0,
+        error_max_deg: 10.0,
+        error_time_constant_ms: 250.0,
+        forgetting_time_s: 1e6,
+    }
+}
+
+fn model(rig: &Rig) -> Model {
+    Model::new(&rig.description, rig.manipulator.clone(), rig.control.passes_max)
+}
+
+/// Leads models from rest to an actuation; false where one of them does not come there on a stable branch.
+fn lead(models: &mut [&mut Model], actuation: &Actuation) -> bool {
+    (1..=100).all(|step| {
+        let mut there = *actuation;
+        there.current_a.iter_mut().for_each(|current| *current *= f64::from(step) / 100.0);
+        models.iter_mut().all(|model| {
+            let report = model.follow(&there);
+            report.converged && report.margin > 0.2
+        })
+    })
+}
+
+/// Currents of up to 3 A.
+fn some_currents(rig: &Rig, random: &mut ChaCha8Rng) -> Actuation {
+    let mut values = numbers(rig.coils(), 3.0, random);
+    values.extend(numbers(rig.parameters() - rig.coils(), 0.7, random));
+    rig.actuation(&values)
+}
+
+/// What a sensor shows of a rod that is another model.
+fn seen(model: &Model, rod: &Model, lag: f64) -> [Option<Sighting>; MAGNETS_MAX] {
+    let mut seen = [None; MAGNETS_MAX];
+    for (magnet, sighting) in seen.iter_mut().enumerate().take(MAGNETS) {
+        let (predicted, measured) = (model.tangent(magnet), rod.tangent(magnet));
+        *sighting = Some(Sighting { predicted, measured, lag, span: SPAN });
+    }
+    seen
+}
+
+fn gains(coils: &[f64]) -> [f64; COILS_MAX] {
+    let mut gains = [1.0; COILS_MAX];
+    gains[..coils.len()].copy_from_slice(coils);
+    gains
+}
+
+fn greatest_error(found: &[f64; COILS_MAX], wanted: &[f64; COILS_MAX]) -> f64 {
+    found.iter().zip(wanted).fold(0.0, |most, (found, wanted)| most.max((found - wanted).abs()))
+}
+
+/// Goal: a gain and its current enter as a product: a model with gains has the shape, and per ampere the gain's share of the Jacobian,
+/// of one without under as many times the currents; whoever takes it up has them too.
+#[test]
+fn a_gain_is_a_factor_of_its_current() {
+    let (rig, mut random) = (Rig::shipped(), seeded(11));
+    let mut checked = 0;
+    while checked < 10 {
+        let amplified =
+            gains(&numbers(rig.coils(), 0.3, &mut random).iter().map(|it| 1.0 + it).collect::<Vec<_>>());
+        let actuation = some_currents(&rig, &mut random);
+        let mut product = actuation;
+        product.current_a.iter_mut().zip(&amplified).for_each(|(current, gain)| *current *= gain);
+        let (mut plain, mut with) = (model(&rig), model(&rig));
+        with.set_gains(&amplified);
+        if !(lead(&mut [&mut with], &actuation) && lead(&mut [&mut plain], &product)) {
+            continue;
+        }
+        // Newton's steps of two more cycles leave rounding.
+        (0..2 * rig.parameters()).for_each(|_| {
+            plain.follow(&product);
+            with.follow(&actuation);
+        });
+        for magnet in 0..MAGNETS {
+            assert!((with.tangent(magnet) - plain.tangent(magnet)).norm() < 1e-10);
+            for (with, plain) in with.tangent_jacobian(magnet).iter().zip(plain.tangent_jacobian(magnet)) {
+                for (coil, (with, plain)) in with.iter().zip(plain).enumerate() {
+                    let expected = plain * if coil < rig.coils() { amplified[coil] } else { 1.0 };
+                    assert!((with - expected).abs() < 1e-8 * plain.abs().max(1e-3), "{with} {expected}");
+                }
+            }
+        }
+        assert!((with.stability().margin - plain.stability().margin).abs() < 1e-9);
+        assert!((with.determinant() - plain.determinant()).abs() < 1e-9 * plain.determinant());
+        // Probes are one-sided, over steps that the gains stretch.
+        for (coil, gain) in amplified.iter().enumerate().take(rig.coils()) {
+            let [found, wanted] =
+                [with.determinant_gradient()[coil], plain.determinant_gradient()[coil] * gain];
+            assert!((found - wanted).abs() < 0.02 * wanted.abs().max(1.0), "{found} {wanted}");
+        }
+        let mut other = model(&rig);
+        other.take_up(&with);
+        assert_eq!(other.gains(), with.gains());
+        let report = other.follow(&actuation);
+        assert!(report.converged && report.passes == 1, "{report:?}");
+        assert!((other.tangent(0) - with.tangent(0)).norm() < 1e-9);
+        checked += 1;
+    }
+}
+
+/// Goal: gains that change under an equilibrium lead it along: one pass a cycle keeps up with an estimate that learns.
+#[test]
+fn an_equilibrium_is_led_along_with_its_gains() {
+    let (rig, mut random) = (Rig::shipped(), seeded(12));
+    let mut model = model(&rig);
+    let actuation = loop {
+        let actuation = some_currents(&rig, &mut random);
+        if lead(&mut [&mut model], &actuation) {
+            break actuation;
+        }
+        model = self::model(&rig);
+    };
+    for step in 1..=100 {
+        model.set_gains(&gains(&vec![1.0 - 0.001 * f64::from(step); rig.coils()]));
+        let report = model.follow(&actuation);
+        assert!(report.converged && report.passes == 1, "{step}: {report:?}");
+    }
+    let mut fresh = self::model(&rig);
+    fresh.set_gains(model.gains());
+    assert!(lead(&mut [&mut fresh], &actuation));
+    assert!((fresh.tangent(1) - model.tangent(1)).norm() < 1e-4);
+}
+
+/// Goal: of a rod with other gains they are found, the more of them the more postures were seen, until the model is the rod.
+#[test]
+fn gains_of_a_rod_are_found_from_how_it_bends() {
+    let (rig, mut random) = (Rig::shipped(), seeded(13));
+    let wanted = gains(&[0.93, 0.97, 0.91, 0.95, 0.98, 0.92]);
+    let mut learnt = Gains::new(&config(), rig.coils());
+    let mut errors = Vec::new();
+    while errors.len() < 60 {
+        let actuation = some_currents(&rig, &mut random);
+        let (mut believed, mut rod) = (model(&rig), model(&rig));
+        believed.set_gains(&learnt.gains());
+        rod.set_gains(&wanted);
+        if !lead(&mut [&mut believed, &mut rod], &actuation) {
+            continue;
+        }
+        // Two seconds in each posture.
+        for _ in 0..400 {
+            learnt.learn(&believed, &actuation.current_a, &seen(&believed, &rod, 0.0));
+            believed.set_gains(&learnt.gains());
+            believed.follow(&actuation);
+        }
+        errors.push(greatest_error(&learnt.gains(), &wanted));
+    }
+    println!(
+        "greatest error after 1, 5, 20, 60 postures: {:.4} {:.4} {:.4} {:.4}",
+        errors[0], errors[4], errors[19], errors[59]
+    );
+    assert!(errors[4] < 0.03 && errors[59] < 0.01, "{errors:?}");
+}
+
+/// Goal: after any rows the estimate is the least squares of all of them with the prior, (P0^-1 + sum h h'/R)^-1 sum h e/R, and so is its
+/// covariance.
+#[test]
+fn the_filter_is_least_squares_with_a_prior() {
+    let mut random = seeded(14);
+    let coils = 5;
+    let mut learnt = Gains::new(&config(), coils);
+    let mut information = learnt.covariance.clone().try_inverse().expect("positive definite");
+    let mut right = DVector::zeros(coils);
+    for _ in 0..40 {
+        learnt.sensitivity = DVector::from_vec(numbers(coils, 2.0, &mut random));
+        let (error, variance) = (random.random_range(-0.05..0.05), random.random_range(0.01..1.0));
+        let row = learnt.sensitivity.clone();
+        learnt.update(error, variance);
+        information += &row * row.transpose() / variance;
+        right += &row * (error / variance);
+    }
+    let covariance: DMatrix<f64> = information.try_inverse().expect("positive definite");
+    assert!((&learnt.covariance - &covariance).amax() < 1e-12 * covariance.amax().max(1.0));
+    assert!((&learnt.logarithms - &covariance * right).amax() < 1e-12);
+}
+
+/// Goal: nothing is learnt without currents, from a prior without doubt, without a time between exposures, and of what is no number.
+#[test]
+fn what_tells_nothing_teaches_nothing() {
+    let (rig, mut random) = (Rig::shipped(), seeded(15));
+    let still = model(&rig);
+    let (mut model, mut rod) = (model(&rig), self::model(&rig));
+    rod.set_gains(&gains(&[0.9; 6]));
+    let actuation = loop {
+        let actuation = some_currents(&rig, &mut random);
+        if lead(&mut [&mut model, &mut rod], &actuation)
+            && angle_between(&model.tangent(1), &rod.tangent(1)) > 0.02
+        {
+            break actuation;
+        }
+    };
+    let nothing = [1.0; COILS_MAX];
+    let shown = seen(&model, &rod, 0.0);
+    let learnt = |config: &GainsConfig,
+                  model: &Model,
+                  currents: &[f64; COILS_MAX],
+                  shown: &[Option<Sighting>; MAGNETS_MAX]| {
+        let mut learnt = Gains::new(config, rig.coils());
+        (0..100).for_each(|_| learnt.learn(model, currents, shown));
+        learnt.gains()
+    };
+    let currents = &actuation.current_a;
+    assert!(greatest_error(&learnt(&config(), &model, currents, &shown), &nothing) > 0.01);
+    let certain = GainsConfig { common_deviation: 0.0, own_deviation: 0.0, ..config() };
+    assert_eq!(learnt(&certain, &model, currents, &shown), nothing);
+    assert_eq!(learnt(&config(), &still, &[0.0; COILS_MAX], &shown), nothing);
+    let altered = |alter: &dyn Fn(&mut Sighting)| {
+        let mut altered = shown;
+        altered.iter_mut().flatten().for_each(alter);
+        learnt(&config(), &model, currents, &altered)
+    };
+    assert_eq!(altered(&|sighting| sighting.span = 0.0), nothing);
+    for bad in [f64::NAN, f64::INFINITY] {
+        assert_eq!(altered(&|sighting| sighting.lag = bad), nothing, "lag {bad}");
+        assert_eq!(altered(&|sighting| sighting.measured.x = bad), nothing, "measured {bad}");
+        assert_eq!(altered(&|sighting| sighting.predicted.y = bad), nothing, "predicted {bad}");
+        let mut wrong = *currents;
+        wrong[2] = bad;
+        assert_eq!(learnt(&config(), &model, &wrong, &shown), nothing, "current {bad}");
+    }
+}
+
+/// Goal: while the rod lags behind less is learnt; what a rod cannot be is not learnt in any time; what was learnt long ago is learnt anew.
+#[test]
+fn lag_bounds_and_time_are_heeded() {
+    let (rig, mut random) = (Rig::shipped(), seeded(16));
+    let (mut model, mut rod) = (model(&rig), self::model(&rig));
+    rod.set_gains(&gains(&[0.9; 6]));
+    let actuation = loop {
+        let actuation = some_currents(&rig, &mut random);
+        if lead(&mut [&mut model, &mut rod], &actuation)
+            && angle_between(&model.tangent(1), &rod.tangent(1)) > 0.02
+        {
+            break actuation;
+        }
+    };
+    let currents = &actuation.current_a;
+    let after = |learnt: &mut Gains, lag: f64, poses: u32| {
+        (0..poses).for_each(|_| learnt.learn(&model, currents, &seen(&model, &rod, lag)));
+        greatest_error(&learnt.gains(), &[1.0; COILS_MAX])
+    };
+    let fresh = || Gains::new(&config(), rig.coils());
+    let [at_rest, moving] = [0.0, 0.2].map(|lag| after(&mut fresh(), lag, 10));
+    assert!(moving < 0.1 * at_rest && moving > 0.0, "{moving} {at_rest}");
+
+    // A rod that seems to bend the other way, for an hour.
+    let mut lied_to = fresh();
+    let mut lie = seen(&model, &rod, 0.0);
+    for sighting in lie.iter_mut().flatten() {
+        sighting.measured = -sighting.predicted + Vector3::new(0.3, 0.0, 0.1);
+    }
+    (0..720_000).for_each(|_| lied_to.learn(&model, currents, &lie));
+    let most = (3.0 * 0.15_f64.hypot(0.03)).exp() * (1.0 + 1e-12);
+    assert!(lied_to.gains().iter().all(|gain| (most.recip()..=most).contains(gain)), "{:?}", lied_to.gains());
+
+    let forgetful = GainsConfig { forgetting_time_s: 1.0, ..config() };
+    let mut learnt = Gains::new(&forgetful, rig.coils());
+    let prior = learnt.covariance.clone();
+    after(&mut learnt, 0.0, 100);
+    let known = learnt.covariance.trace();
+    (0..2000).for_each(|_| learnt.learn(&model, &[0.0; COILS_MAX], &seen(&model, &model, 0.0)));
+    assert!(known < 0.9 * prior.trace(), "{known} {}", prior.trace());
+    assert!((&learnt.covariance - &prior).amax() < 1e-4 * prior.amax());
+}
