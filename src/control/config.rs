@@ -24,6 +24,8 @@ pub struct ControlConfig {
     pub jacobian: JacobianKind,
     /// How Algorithm 1 works; needed when it is chosen.
     pub algorithm_1: Option<Algorithm1Config>,
+    /// Time constant of the low-pass through which the model sees the measured currents, ms, 0 to 100; 0 takes them as they are.
+    pub measured_current_time_constant_ms: f64,
     /// `"delayed-reference"`, or `"disturbance-estimate"` to steer by the model with its bias estimated.
     pub feedback: FeedbackKind,
     /// Proportional gain on measurements, 1/s, > 0; for `"delayed-reference"`.
@@ -95,10 +97,17 @@ impl ControlConfig {
         angles
     }
 
+    /// Time constant of the low-pass through which the model sees the measured currents, s.
+    pub(super) fn measured_current_time_constant(&self) -> f64 {
+        self.measured_current_time_constant_ms * 1e-3
+    }
+
     /// Every value out of its range, keyed from the root of the file; none when the section is usable.
     #[must_use]
     pub fn check(&self) -> Vec<Invalid> {
         let mut checks = Checks::new();
+        let smoothing = self.measured_current_time_constant_ms;
+        checks.within("control.measured_current_time_constant_ms", smoothing, 0.0, 100.0);
         checks.within("control.proportional_per_s", self.proportional_per_s, 1e-3, 1e3);
         checks.within("control.integral_per_s2", self.integral_per_s2, 0.0, 1e4);
         checks.within("control.reference_speed_max_deg_per_s", self.reference_speed_max_deg_per_s, 0.1, 1e5);

@@ -1,7 +1,7 @@
 //! One control cycle: a pure function of what was sensed, with state of its own.
 //!
 //! The order of a cycle is that of the paper's Fig. 4: measured tangents (A), wrenches and shape of the model at the
-//! measured actuation (B), orientation Jacobian (C), new currents and angles (D).
+//! measured actuation, its noise smoothed (B), orientation Jacobian (C), new currents and angles (D).
 //!
 //! Measurements are late: what they are compared with, so that cause and effect belong to one moment, is the
 //! business of `feedback`.
@@ -24,12 +24,14 @@ use super::jacobian::{differenced_rows, exact_rows};
 use super::model::Model;
 use super::reference::{Pacing, Reference, ReferenceTarget};
 use super::scout::{Scout, Standing, Verdict};
+use super::smoothing::SmoothedCurrents;
 use super::step::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
 use crate::rod::Manipulator;
 
 /// The controller of one rig.
 #[derive(Debug)]
 pub struct Cycle {
+    currents: SmoothedCurrents,
     model: Model,
     /// In place of the model's exact Jacobian.
     algorithm_1: Option<Algorithm1>,
@@ -76,6 +78,7 @@ impl Cycle {
             model.follow_expected_power(secondary.disturbance_deg.to_radians());
         }
         Self {
+            currents: SmoothedCurrents::new(config.measured_current_time_constant()),
             algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator.clone())),
             held_at: chosen.map_or(PoseSource::Modelled, |chosen| chosen.magnet_poses),
             scout: config.scout.as_ref().map(|scout| Scout::new(scout, config, description, manipulator)),
@@ -131,9 +134,9 @@ impl Cycle {
     }
 
     /// Learns the coils' gains from fresh poses; the model has them from the next cycle on.
-    fn learn_gains(&mut self, input: &CycleInput) {
+    fn learn_gains(&mut self, present: &Actuation) {
         if let (Some(gains), Some(seen)) = (&mut self.gains, self.feedback.sightings()) {
-            gains.learn(&self.model, &input.measured.current_a, seen);
+            gains.learn(&self.model, &present.current_a, seen);
             self.model.set_gains(&gains.gains());
         }
     }
@@ -278,7 +281,8 @@ impl Step for Cycle {
         if let Some(pose) = input.pose.filter(|_| input.pose_is_fresh) {
             self.measure(&pose);
         }
-        let mut report = self.model.follow(&input.measured);
+        let present = self.currents.take(&input.measured, input.period);
+        let mut report = self.model.follow(&present);
         self.share_jacobian(input, &mut report);
         let predicted = self.directions(|cycle, magnet| cycle.model.tangent(magnet));
         self.feedback.observe(&Seen {
@@ -291,7 +295,7 @@ impl Step for Cycle {
         });
         let gains = *self.model.gains();
         if input.pose_is_fresh && report.converged {
-            self.learn_gains(input);
+            self.learn_gains(&present);
         }
         let mut outcome = CycleOutcome {
             request: input.admitted,

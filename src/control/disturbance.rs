@@ -121,6 +121,7 @@ pub struct Disturbance {
     magnets: usize,
     time_constant: f64,
     innovation_max: f64,
+    /// By how much what was predicted comes after what is measured; negative where predictions come late, s.
     delay: f64,
     softening: f64,
     mode: Mode,
@@ -144,14 +145,15 @@ struct Estimate {
 }
 
 impl Disturbance {
-    /// An estimate for so many magnets, of which nothing is known.
+    /// An estimate for so many magnets, of which nothing is known. `lag` is by how much its
+    /// predictions lag behind the measured actuation, s.
     #[must_use]
-    pub fn new(config: &DisturbanceConfig, magnets: usize) -> Self {
+    pub fn new(config: &DisturbanceConfig, lag: f64, magnets: usize) -> Self {
         Self {
             magnets,
             time_constant: config.time_constant_ms * 1e-3,
             innovation_max: config.innovation_max_deg.to_radians(),
-            delay: config.delay_ms * 1e-3,
+            delay: config.delay_ms * 1e-3 - lag,
             softening: config.mode_softening,
             mode: Mode::new(config.mode_frequency_hz, config.mode_damping_ratio),
             past: Past::new(),
@@ -198,7 +200,8 @@ impl Disturbance {
         if exposed <= self.astray {
             return;
         }
-        let past = self.past.at(age + self.delay);
+        // Of poses that are newer than a late prediction the newest prediction is the nearest.
+        let past = self.past.at((age + self.delay).max(0.0));
         let estimates = self.magnet.iter_mut().zip(&mut self.sightings).zip(&self.newest);
         for (((estimate, sighting), resting), (magnet, then)) in
             estimates.zip(pose.magnets.iter().zip(&past)).take(self.magnets)

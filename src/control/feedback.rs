@@ -65,7 +65,8 @@ impl Feedback {
             law: ProportionalIntegral::new(2 * magnets, proportional, integral),
             response_delay: config.response_delay_ms * 1e-3,
             desired: Past::new(),
-            disturbance: disturbance.map(|chosen| Disturbance::new(chosen, magnets)),
+            disturbance: disturbance
+                .map(|chosen| Disturbance::new(chosen, config.measured_current_time_constant(), magnets)),
         }
     }
 

@@ -56,7 +56,7 @@ pub struct GainsConfig {
     pub own_deviation: f64,
     /// RMS of the tangents' errors that no gain explains, deg, 0.01 to 90.
     pub error_deg: f64,
-    /// Greatest error that teaches anything, deg, 0.01 to 180.
+    /// Greatest error, across one of two axes, that teaches anything, deg, 0.01 to 180.
     pub error_max_deg: f64,
     /// How long such an error lasts, ms, 1 to 1e6.
     pub error_time_constant_ms: f64,
@@ -153,7 +153,8 @@ impl Gains {
     fn update(&mut self, error: f64, variance: f64) {
         self.covaried.gemv(1.0, &self.covariance, &self.sensitivity, 0.0);
         let total = self.sensitivity.dot(&self.covaried) + variance;
-        let learnt_since = self.sensitivity.dot(&self.logarithms) - self.sensitivity.dot(&self.predicted_with);
+        let learnt_since =
+            self.sensitivity.dot(&self.logarithms) - self.sensitivity.dot(&self.predicted_with);
         // Also false for what is not a number.
         let is_credible = error.abs() <= self.error_max && learnt_since.is_finite();
         if !(is_credible && total.is_finite() && total > 0.0) {

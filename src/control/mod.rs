@@ -1,11 +1,12 @@
 //! The controller: from measured tangents to requested currents and angles.
 //!
-//! `reference` shapes the targets; `feedback` decides what they are compared with: late measurements, or the model with its bias as
-//! `disturbance` estimates it. `scout` looks ahead to a new target before the reference goes there. `error` compares tangents, `integral`
-//! turns the error into a wanted velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties
-//! them to the model's statics and orientation Jacobian (`jacobian`): the exact one, or the paper's `algorithm_1`. What a cycle is given
-//! and decides is in `step`. Between runs, [`plan`] chooses frame angles and ways, and [`identification`] estimates what the model should
-//! believe in.
+//! `reference` shapes the targets; `feedback` decides what they are compared with: late measurements, or the model with its bias
+//! as `disturbance` estimates it. `smoothing` takes the noise off what the model is given, `gains` learns how far the rod bends
+//! under it. `scout` looks ahead to a new target before the reference goes there. `error` compares tangents, `integral` turns the
+//! error into a wanted velocity, `allocation` spreads it over currents and frame angles within their limits, and `cycle` ties
+//! them to the model's statics and orientation Jacobian (`jacobian`): the exact one, or the paper's `algorithm_1`. What a cycle
+//! is given and decides is in `step`. Between runs, [`plan`] chooses frame angles and ways, and [`identification`] estimates what
+//! the model should believe in.
 //! What is absent: a clock, a channel, an allocation after construction (but between runs).
 
 mod algorithm_1;
@@ -26,6 +27,7 @@ mod probe;
 mod reference;
 mod scout;
 mod secondary;
+mod smoothing;
 mod step;
 
 #[cfg(test)]

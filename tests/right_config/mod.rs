@@ -64,6 +64,7 @@ passes_max = 2000
 [control]
 orientation_error = "tangent-plane"
 jacobian = "exact"
+measured_current_time_constant_ms = 0.0
 feedback = "delayed-reference"
 proportional_per_s = 5.0
 integral_per_s2 = 0.0

@@ -14,8 +14,8 @@ use crate::control::step::Directions;
 use crate::rod::Manipulator;
 
 /// Greatest angle between where the model comes under a loop's currents and where the loop's own model is, rad: on another branch it
-/// is many times that, and measured currents are off by some mA.
-const SAME_POSTURE: f64 = 0.5_f64.to_radians();
+/// is many times that, and currents that are off by some mA come to half of it near a snap-through.
+const SAME_POSTURE: f64 = 1.5_f64.to_radians();
 
 /// Frame angles, rad.
 pub(super) type Setting = [f64; POSE_PARAMETERS_MAX];
