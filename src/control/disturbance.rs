@@ -132,7 +132,7 @@ pub struct Disturbance {
     astray: f64,
     newest: Directions,
     magnet: [Estimate; MAGNETS_MAX],
-    /// What the last pose showed; none of a magnet that it did not show, or that teaches nothing.
+    /// What a pose showed in this cycle; none of a magnet that it did not show, or that teaches nothing.
     sightings: [Option<Sighting>; MAGNETS_MAX],
 }
 
@@ -168,6 +168,7 @@ impl Disturbance {
     /// Takes one cycle's prediction; call it every cycle.
     pub(super) fn predict(&mut self, prediction: &Prediction<'_>) {
         self.elapsed += prediction.period;
+        self.sightings = [None; MAGNETS_MAX];
         if !prediction.converged || self.has_leapt(prediction) {
             self.astray = self.elapsed;
         }
@@ -196,7 +197,6 @@ impl Disturbance {
     /// Learns from poses that were true `age` seconds ago; call it once for each.
     pub(super) fn learn(&mut self, pose: &PoseMessage, age: f64) {
         let exposed = self.elapsed - age;
-        self.sightings = [None; MAGNETS_MAX];
         if exposed <= self.astray {
             return;
         }
@@ -229,7 +229,7 @@ impl Disturbance {
         }
     }
 
-    /// What the poses learnt from last showed of the magnets.
+    /// What the poses learnt from in this cycle showed of the magnets.
     pub(super) fn sightings(&self) -> &[Option<Sighting>; MAGNETS_MAX] {
         &self.sightings
     }
