@@ -1,7 +1,7 @@
 //! Gains are learnt as far as measurements tell of them, and no farther.
 
 use magsteer_hal::{Actuation, COILS_MAX, MAGNETS_MAX};
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
