@@ -49,6 +49,20 @@ fn some_currents(rig: &Rig, random: &mut ChaCha8Rng) -> Actuation {
     rig.actuation(&values)
 }
 
+/// A model and a rod whose coils make nine tenths, some degrees apart under currents.
+fn apart(rig: &Rig, random: &mut ChaCha8Rng) -> (Model, Model, Actuation) {
+    let (mut believed, mut rod) = (model(rig), model(rig));
+    rod.set_gains(&gains(&[0.9; 6]));
+    loop {
+        let actuation = some_currents(rig, random);
+        if lead(&mut [&mut believed, &mut rod], &actuation)
+            && angle_between(&believed.tangent(1), &rod.tangent(1)) > 0.02
+        {
+            return (believed, rod, actuation);
+        }
+    }
+}
+
 /// What a sensor shows of a rod that is another model.
 fn seen(model: &Model, rod: &Model, lag: f64) -> [Option<Sighting>; MAGNETS_MAX] {
     let mut seen = [None; MAGNETS_MAX];
@@ -197,17 +211,8 @@ fn the_filter_is_least_squares_with_a_prior() {
 #[test]
 fn what_tells_nothing_teaches_nothing() {
     let (rig, mut random) = (Rig::shipped(), seeded(15));
-    let still = model(&rig);
-    let (mut model, mut rod) = (model(&rig), self::model(&rig));
-    rod.set_gains(&gains(&[0.9; 6]));
-    let actuation = loop {
-        let actuation = some_currents(&rig, &mut random);
-        if lead(&mut [&mut model, &mut rod], &actuation)
-            && angle_between(&model.tangent(1), &rod.tangent(1)) > 0.02
-        {
-            break actuation;
-        }
-    };
+    let still = self::model(&rig);
+    let (model, rod, actuation) = apart(&rig, &mut random);
     let nothing = [1.0; COILS_MAX];
     let shown = seen(&model, &rod, 0.0);
     let learnt = |config: &GainsConfig,
@@ -243,16 +248,7 @@ fn what_tells_nothing_teaches_nothing() {
 #[test]
 fn lag_bounds_and_time_are_heeded() {
     let (rig, mut random) = (Rig::shipped(), seeded(16));
-    let (mut model, mut rod) = (model(&rig), self::model(&rig));
-    rod.set_gains(&gains(&[0.9; 6]));
-    let actuation = loop {
-        let actuation = some_currents(&rig, &mut random);
-        if lead(&mut [&mut model, &mut rod], &actuation)
-            && angle_between(&model.tangent(1), &rod.tangent(1)) > 0.02
-        {
-            break actuation;
-        }
-    };
+    let (model, rod, actuation) = apart(&rig, &mut random);
     let currents = &actuation.current_a;
     let after = |learnt: &mut Gains, lag: f64, poses: u32| {
         (0..poses).for_each(|_| learnt.learn(&model, currents, &seen(&model, &rod, lag)));
