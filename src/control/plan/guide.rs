@@ -6,14 +6,15 @@
 //! end beside its target.
 //!
 //! # Method
-//! Every way is planned from the loop's own currents and angles ([`Planner::standing_at`]). The model is asked for directions by which the
-//! magnets, bent as much farther than the model as they are now, point at the target, and at the waypoints before it the magnets are asked
-//! to where they will be when the model is there. A way that was refused, or that ended beside its target, is not tried again: the next one
-//! ends with the frames elsewhere. A way that leads by way of rest is planned anew at rest, which everything after two ways in vain is,
-//! too. At rest, without loads, the magnets are asked to where the model is; where that is refused from a posture that bends them far beside
-//! the model, they go first to where that takes them from rest, and from there to rest. A loop that holds near a snap-through is sent back
-//! at once to where its leg began, before anything is planned. Where the model does not find to where the loop stands, or no way leads from
-//! there to rest, the currents are let go, which is the last resort: a rod whose currents fall all at once may snap on its way.
+//! Every way is planned from the loop's own currents and angles ([`Planner::standing_at`]), with the gains of the coils that it has learnt.
+//! The model is asked for directions by which the magnets, bent as much farther than the model as they are now, point at the target, and at
+//! the waypoints before it the magnets are asked to where they will be when the model is there. A way that was refused, or that ended
+//! beside its target, is not tried again: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew at
+//! rest, which everything after two ways in vain is, too. At rest, without loads, the magnets are asked to where the model is; where that
+//! is refused from a posture that bends them far beside the model, they go first to where that takes them from rest, and from there to
+//! rest. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the model
+//! does not find to where the loop stands, or no way leads from there to rest, the currents are let go, which is the last resort: a rod
+//! whose currents fall all at once may snap on its way.
 //!
 //! What is absent: a loop, a clock, a channel. Whoever steers carries out [`Order`]s and tells what became of them ([`Told`]).
 

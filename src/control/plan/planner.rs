@@ -14,7 +14,7 @@ use crate::control::step::Directions;
 use crate::rod::Manipulator;
 
 /// Greatest angle between where the model comes under a loop's currents and where the loop's own model is, rad: on another branch it
-/// is many times that, and currents that are off by some mA come to half of it near a snap-through.
+/// is many times that, and currents that are off by some mA come to half a degree near a snap-through.
 const SAME_POSTURE: f64 = 1.5_f64.to_radians();
 
 /// Frame angles, rad.
