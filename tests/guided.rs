@@ -251,6 +251,26 @@ fn a_way_to_rest_that_is_refused_is_gone_again_by_way_of_where_the_bias_takes_th
     assert!(next.is_last || apart(&next.waypoint.directions, &rest) < 1e-9, "{next:?}");
 }
 
+/// Goal: where the planner expects the scout to refuse every way home, the guide asks for one all the same before currents are let go: the
+/// loop's scout has the last word.
+#[test]
+fn a_way_home_that_may_be_refused_is_asked_for() {
+    let (setup, _, targets) = rig();
+    let mut control = setup.config.control.clone().expect("has a controller");
+    // Nothing comes as close as that.
+    control.scout.as_mut().expect("has a scout").tolerance_deg = 0.0;
+    let plan = control.plan.as_ref().expect("has a planner");
+    let manipulator = setup.config.manipulator.clone().expect("has a model");
+    let planner = Planner::new(plan, &control, &setup.config.description, manipulator);
+    let there = planner.from_rest(&targets[0]).expect("within 30 deg");
+    assert!(!there.passes);
+    let posture = there.posture;
+    let standing = planner
+        .standing_at(&posture.present.actuation, &posture.directions, &[posture], &[])
+        .expect("it is there");
+    assert!(standing.home.is_some_and(|home| !home.is_empty()));
+}
+
 /// Goal: where the model does not find to where the rig is, the currents are let go; where it does not even then, the target is given up.
 #[test]
 fn a_rig_that_the_model_does_not_come_to_is_let_go_and_then_given_up() {
