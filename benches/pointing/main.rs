@@ -1,6 +1,7 @@
-//! Pointing two magnets in 3-D: what planner and loop reach. Prints tables; `cargo bench --bench pointing -- [COUNT] [CONE_DEG…] [FILE.toml…]`.
+//! Pointing two magnets in 3-D: what planner and loop reach. Prints tables;
+//! `cargo bench --bench pointing -- [COUNT] [CONE_DEG…] [FILE.toml…] [seed=N…]`.
 //!
-//! Files are those of `config`, or named by an absolute path. Pairs of pointing targets are drawn uniformly in a cone about each magnet's
+//! Files are those of `config`, or named by an absolute path; each seed draws other targets, those of `magsteer plan --seed N`. Pairs of pointing targets are drawn uniformly in a cone about each magnet's
 //! rest direction, one pair after another. The planner leads from each to the next through its model; the guide leads a loop from each to the
 //! next on the simulated plant, whose parameters are off as the configuration says, and is judged by the plant's true poses.
 
@@ -15,7 +16,7 @@ mod rig_support;
 use rig_support::Setup;
 use rig_support::lead::Lead;
 
-/// Of the targets: those of `magsteer plan --seed 7`.
+/// Of the targets where none is named.
 const SEED: u64 = 7;
 const MAGNETS: usize = 2;
 
@@ -26,22 +27,29 @@ fn main() {
     });
     let named: Vec<String> = std::env::args().filter(|word| word.ends_with(".toml")).collect();
     let shipped = ["bigmag-3d.toml", "bigmag-14.toml"].map(str::to_owned);
+    let seeds = std::env::args().filter_map(|word| word.strip_prefix("seed=")?.parse().ok());
+    let mut seeds: Vec<u64> = seeds.collect();
+    if seeds.is_empty() {
+        seeds.push(SEED);
+    }
     for name in if named.is_empty() { &shipped[..] } else { &named[..] } {
         let setup = Setup::shipped(name);
         for cone in cones {
-            survey(name, &setup, *cone, count);
+            for seed in &seeds {
+                survey(name, &setup, *cone, count, *seed);
+            }
         }
     }
 }
 
-fn survey(name: &str, setup: &Setup, cone_deg: f64, count: usize) {
+fn survey(name: &str, setup: &Setup, cone_deg: f64, count: usize, seed: u64) {
     let config = &setup.config;
     let control = config.control.as_ref().expect("has a controller");
     let manipulator = config.manipulator.clone().expect("has a model");
     let plan = control.plan.as_ref().expect("has a planner");
     let planner = Planner::new(plan, control, &config.description, manipulator);
     let rest = &planner.rest().posture.directions;
-    let targets = draw_targets(rest, MAGNETS, cone_deg.to_radians(), count, SEED);
+    let targets = draw_targets(rest, MAGNETS, cone_deg.to_radians(), count, seed);
     let begin = Instant::now();
     let planned = planned(&planner, &targets);
     let planning = begin.elapsed().as_secs_f64() / count as f64;
@@ -60,7 +68,7 @@ fn survey(name: &str, setup: &Setup, cone_deg: f64, count: usize) {
     }
     let Lead { at_first, released, stopped, snapped, slowest_order, .. } = lead;
     println!(
-        "{name}, {cone_deg} deg: planned {planned} of {count} ({planning:.2} s each); in closed loop {settled} of {count}, \
+        "{name}, {cone_deg} deg, seed {seed}: planned {planned} of {count} ({planning:.2} s each); in closed loop {settled} of {count}, \
          {at_first} on the first way; released {released}, stopped {stopped}, snapped {snapped}; longest plan {slowest_order:.1} s; {:.0} s",
         begin.elapsed().as_secs_f64()
     );
