@@ -81,7 +81,7 @@ fn ends_of_ways_to_ten_targets_are_stable_equilibria_that_point_there() {
     let (rig, _, targets, plans) = planned();
     let array = CoilArray::new(&rig.description);
     for (target, plan) in targets.iter().zip(plans) {
-        let actuation = &plan.posture.present.actuation;
+        let actuation = &plan.posture.equilibrium.actuation;
         let posed = array.posed(&actuation.angle_rad[..2]);
         let mut pass = Pass::new(&rig.manipulator);
         let solution = rig.manipulator.solve_from_rest(
@@ -109,7 +109,7 @@ fn ends_of_ways_to_ten_targets_are_stable_equilibria_that_point_there() {
 fn currents_and_angles_stay_within_the_limits_of_the_description() {
     let (rig, _, _, plans) = planned();
     for plan in plans {
-        let actuation = &plan.posture.present.actuation;
+        let actuation = &plan.posture.equilibrium.actuation;
         for (coil, current) in rig.description.coils.iter().zip(&actuation.current_a) {
             assert!(current.abs() <= coil.current_max);
             assert!(current.abs() <= plan.walked.current_max + 1e-12);
@@ -156,8 +156,8 @@ fn ways_walked_again_arrive_and_lead_home() {
             walker.walk(waypoint, &rig.bounds()).unwrap();
         }
         assert!(walker.error_to(target) <= tolerance);
-        let again = walker.posture().present.actuation;
-        let currents = again.current_a.iter().zip(&plan.posture.present.actuation.current_a);
+        let again = walker.posture().equilibrium.actuation;
+        let currents = again.current_a.iter().zip(&plan.posture.equilibrium.actuation.current_a);
         let apart = currents.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         // Currents wander in the null space until they change by less than 0.02 A an allocation.
         assert!(apart < 0.2, "{apart} A");
@@ -207,7 +207,7 @@ fn plans_are_the_same_for_any_number_of_threads_bit_for_bit() {
         let numbers = |plan: &Plan| -> Vec<f64> {
             let mut numbers = vec![plan.error, plan.walked.current_max, plan.walked.margin_min];
             numbers.extend([plan.posture.margin, plan.posture.expected, plan.posture.condition]);
-            numbers.extend(plan.posture.present.actuation.current_a);
+            numbers.extend(plan.posture.equilibrium.actuation.current_a);
             for waypoint in plan.waypoints.iter().chain(&plan.home) {
                 numbers.extend(waypoint.frame_angles);
                 numbers.extend(waypoint.directions.iter().flatten());

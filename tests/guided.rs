@@ -34,7 +34,7 @@ fn rig() -> &'static (Setup, Planner, Vec<Directions>) {
 /// A loop that stands in a posture of the model, its magnets with it.
 fn stance(posture: &Posture) -> Stance {
     Stance {
-        actuation: posture.present.actuation,
+        equilibrium: posture.equilibrium,
         predicted: posture.directions,
         measured: posture.directions,
         gains: [1.0; COILS_MAX],
@@ -103,9 +103,9 @@ fn ways_are_planned_for_magnets_as_far_beside_the_model_as_they_are() {
     let stance = beside(at_rest(), [0.0, 20.0, 0.0]);
     let turn_back = Rotation3::new(Vector3::new(0.0, -20.0_f64.to_radians(), 0.0));
     let goal = |target: &Directions| {
-        let standing = planner.standing_at(&stance.actuation, &stance.predicted, &[], &[]);
+        let standing = planner.standing_at(&stance.equilibrium, &stance.predicted, &[], &[]);
         let plan = planner.plan(&standing.expect("at rest"), target).expect("near rest");
-        plan.posture.present.actuation.angle_rad
+        plan.posture.equilibrium.actuation.angle_rad
     };
     let corrected = goal(&target.map(|direction| (turn_back * Vector3::from(direction)).into()));
     assert_ne!(corrected, goal(target), "or nothing is seen of it");
@@ -204,7 +204,7 @@ fn a_loop_that_holds_is_sent_back_before_anything_else() {
     let mut nowhere = at_rest();
     nowhere.predicted = targets[3];
     let back = leg(guide.order(&nowhere));
-    assert_eq!(back.waypoint.frame_angles, began.actuation.angle_rad);
+    assert_eq!(back.waypoint.frame_angles, began.equilibrium.actuation.angle_rad);
     assert_eq!(back.waypoint.directions, began.measured, "where the magnets were, not the model");
     assert!(!back.is_last);
     guide.tell(Told::Arrived);
@@ -265,9 +265,8 @@ fn a_way_home_that_may_be_refused_is_asked_for() {
     let there = planner.from_rest(&targets[0]).expect("within 30 deg");
     assert!(!there.passes);
     let posture = there.posture;
-    let standing = planner
-        .standing_at(&posture.present.actuation, &posture.directions, &[posture], &[])
-        .expect("it is there");
+    let standing =
+        planner.standing_at(&posture.equilibrium, &posture.directions, &[], &[]).expect("it is there");
     assert!(standing.home.is_some_and(|home| !home.is_empty()));
 }
 
@@ -284,19 +283,19 @@ fn a_rig_that_the_model_does_not_come_to_is_let_go_and_then_given_up() {
     assert!(matches!(guide.order(&elsewhere), Err(GivenUp::Lost)));
 }
 
-/// Goal: the posture of a plan is found again from its currents and angles alone, and only where the magnets point as they say.
+/// Goal: the posture of a plan is found again from its equilibrium alone, and only where the magnets point as they say.
 #[test]
-fn a_standing_is_found_from_currents_and_angles_and_not_on_another_branch() {
+fn a_standing_is_found_from_the_equilibrium_and_not_on_another_branch() {
     let (_, planner, targets) = rig();
     for target in targets {
         let plan = planner.from_rest(target).expect("within 30 deg");
-        let actuation = &plan.posture.present.actuation;
-        let standing = planner.standing_at(actuation, &plan.posture.directions, &[], &[]);
+        let equilibrium = &plan.posture.equilibrium;
+        let standing = planner.standing_at(equilibrium, &plan.posture.directions, &[], &[]);
         let standing = standing.expect("the model was there");
         assert!(apart(&standing.posture.directions, &plan.posture.directions) < 0.01_f64.to_radians());
         assert!((standing.posture.margin - plan.posture.margin).abs() < 1e-3);
         let elsewhere = planner.rest().posture.directions;
-        assert!(planner.standing_at(actuation, &elsewhere, &[], &[]).is_none());
+        assert!(planner.standing_at(equilibrium, &elsewhere, &[], &[]).is_none());
     }
 }
 
@@ -313,9 +312,9 @@ fn ways_that_pass_are_those_that_the_scout_walks_and_none_ends_where_it_shall_no
         let walked =
             first.waypoints.iter().all(|waypoint| rehearsal.step(&waypoint.target()).obstacle.is_none());
         assert_eq!(first.passes, walked);
-        let avoided = first.posture.present.actuation.angle_rad;
+        let avoided = first.posture.equilibrium.actuation.angle_rad;
         if let Ok(second) = planner.plan_avoiding(planner.rest(), target, &[avoided]) {
-            let frames = second.posture.present.actuation.angle_rad;
+            let frames = second.posture.equilibrium.actuation.angle_rad;
             let turned = frames.iter().zip(&avoided).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(turned > 14.0_f64.to_radians(), "{frames:?} beside {avoided:?}");
         }
@@ -329,7 +328,7 @@ fn a_leg_is_gone_when_reference_and_frames_are_there() {
     let mut guide = Guide::new(planner.clone());
     guide.set_out(&targets[0]);
     let leg = leg(guide.order(&at_rest()));
-    let mut actuation = at_rest().actuation;
+    let mut actuation = at_rest().equilibrium.actuation;
     actuation.angle_rad = leg.waypoint.frame_angles;
     assert!(leg.has_arrived(&leg.waypoint.directions, &actuation));
     assert!(!leg.has_arrived(&targets[1], &actuation));

@@ -85,7 +85,7 @@ fn rehearsed_postures_are_equilibria_and_good_to_begin_at() {
     let setup = Setup::shipped("bigmag-planar.toml");
     let mut first = rehearsal(&setup);
     let there = first.step(&target([75.0, 100.0]));
-    let actuation = there.posture.present.actuation;
+    let actuation = there.posture.equilibrium.actuation;
     let rig = &setup.config.description;
     let manipulator = setup.config.manipulator.as_ref().expect("a rod");
     let posed = CoilArray::new(rig).posed(&actuation.angle_rad[..rig.frames.len()]);
@@ -97,7 +97,7 @@ fn rehearsed_postures_are_equilibria_and_good_to_begin_at() {
         assert!(apart < 1e-6, "{apart}");
     }
     let mut second = rehearsal(&setup);
-    second.begin_at(&actuation).expect("an equilibrium");
+    second.begin_at(&there.posture.equilibrium).expect("an equilibrium");
     let next = target([90.0, 110.0]);
     let [one, other] = [first.step(&next), second.step(&next)];
     assert_eq!((one.obstacle, other.obstacle), (None, None));

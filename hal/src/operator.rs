@@ -245,7 +245,7 @@ pub struct LoopTiming {
 /// A view of the daemon for anyone who looks; never a command.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("magsteer_status_v6")]
+#[type_name("magsteer_status_v7")]
 pub struct StatusMessage {
     /// Common header; `source_stamp_ns` is the cycle's tick.
     pub header: Header,
@@ -322,6 +322,12 @@ pub struct StatusMessage {
     pub predicted_direction: [[f64; 3]; MAGNETS_MAX],
     /// Field of every coil that the model believes in, over that of its description: learnt where the daemon learns it, else 1.
     pub coil_gain: [f64; COILS_MAX],
+    /// Currents and angles of the model's equilibrium: those measured, smoothed where the daemon smooths them.
+    pub modelled: Actuation,
+    /// Force that the manipulator transmits at its clamp in that equilibrium, world.
+    pub base_force_n: [f64; 3],
+    /// Moment that it transmits there, world.
+    pub base_moment_n_m: [f64; 3],
     /// Centres of the magnets measured last, world; zero where a magnet was not seen.
     pub measured_position_m: [[f64; 3]; MAGNETS_MAX],
     /// [`crate::HardwareDescription::fingerprint`] of the rig as the daemon knows it, so that a viewer can tell whether it

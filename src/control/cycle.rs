@@ -293,7 +293,7 @@ impl Step for Cycle {
             margin: report.margin,
             period: input.period,
         });
-        let gains = *self.model.gains();
+        let (gains, equilibrium) = (*self.model.gains(), self.model.equilibrium());
         if input.pose_is_fresh && report.converged {
             self.learn_gains(&present);
         }
@@ -304,6 +304,7 @@ impl Step for Cycle {
             verdict: Verdict::Unchecked,
             measured: self.directions(|cycle, magnet| cycle.measured[magnet].unwrap_or_default()),
             predicted,
+            equilibrium,
             bias: self.feedback.bias(),
             gains,
             model: report,

@@ -46,4 +46,4 @@ pub use model::Model;
 pub use reference::{Limits, Pacing, Reference, ReferenceTarget};
 pub use scout::{ScoutConfig, Verdict, margin_allowed};
 pub use secondary::SecondaryConfig;
-pub use step::{CycleInput, CycleOutcome, Directions, ModelReport, Step};
+pub use step::{CycleInput, CycleOutcome, Directions, Equilibrium, ModelReport, Step};

@@ -19,7 +19,7 @@ use nalgebra::{Vector3, Vector6};
 
 use super::algorithm_1::{HeldPose, Present};
 use super::probe::Probe;
-use super::step::ModelReport;
+use super::step::{Equilibrium, ModelReport};
 use crate::magnetics::{CoilArray, PARAMETERS_MAX, PosedArray};
 use crate::rod::{Manipulator, Pass, PassMode, Stability, TipLoad};
 
@@ -182,10 +182,20 @@ impl Model {
         Present { actuation: self.anchor.actuation, unknowns: self.anchor.unknowns, poses }
     }
 
+    /// The last equilibrium on its way.
+    #[must_use]
+    pub fn equilibrium(&self) -> Equilibrium {
+        let Anchor { actuation, unknowns, .. } = &self.anchor;
+        let [fx, fy, fz, mx, my, mz] = unknowns.data.0[0];
+        Equilibrium { actuation: *actuation, base_force: [fx, fy, fz], base_moment: [mx, my, mz] }
+    }
+
     /// Goes back to an equilibrium found earlier: the next [`Self::follow`] sets out from there.
-    pub fn resume(&mut self, present: &Present) {
-        self.anchor.actuation = present.actuation;
-        self.anchor.unknowns = present.unknowns;
+    pub fn resume(&mut self, equilibrium: &Equilibrium) {
+        let Equilibrium { actuation, base_force, base_moment } = equilibrium;
+        self.anchor.actuation = *actuation;
+        let unknowns = base_force.iter().chain(base_moment);
+        self.anchor.unknowns = Vector6::from_iterator(unknowns.copied());
         self.anchor.derivatives.fill(Vector6::zeros());
         self.anchor.reach = 1.0;
         self.probe.restart();

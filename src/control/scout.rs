@@ -215,7 +215,7 @@ impl Scout {
     }
 
     fn accept(&mut self, asked: &ReferenceTarget, model: &Model) {
-        let currents = model.present().actuation.current_a;
+        let currents = model.equilibrium().actuation.current_a;
         let current_max = currents.iter().fold(0.0_f64, |most, current| most.max(current.abs()));
         self.verdict = Verdict::Clear { margin_min: model.stability().margin, current_max };
         (self.cleared, self.judged, self.under_way) = (*asked, Some(*asked), None);
@@ -224,7 +224,7 @@ impl Scout {
     fn set_out(&mut self, asked: &ReferenceTarget, standing: &Standing<'_>) {
         let margin_min = margin_allowed(self.bounds.margin_min, standing.model.stability().margin);
         self.walker.take_up(standing.model);
-        let present = standing.model.present().actuation;
+        let present = standing.model.equilibrium().actuation;
         let mut goal = Waypoint {
             directions: Directions::default(),
             frame_angles: asked.frame_angles.unwrap_or(present.angle_rad),

@@ -52,6 +52,17 @@ pub struct ModelReport {
     pub field_valid: bool,
 }
 
+/// The equilibrium that the model is at, by what another model of the same rig needs to be there too.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Equilibrium {
+    /// Currents and angles: those measured, smoothed where the configuration says so.
+    pub actuation: Actuation,
+    /// Force that the manipulator transmits at the clamp, the sum of all loads, N, world.
+    pub base_force: [f64; 3],
+    /// Moment that it transmits there, N m, world.
+    pub base_moment: [f64; 3],
+}
+
 /// What a cycle decided.
 #[derive(Debug, Clone, Copy)]
 pub struct CycleOutcome {
@@ -67,6 +78,8 @@ pub struct CycleOutcome {
     pub verdict: Verdict,
     /// Tangents that the model predicts for the present actuation.
     pub predicted: Directions,
+    /// Where the model was.
+    pub equilibrium: Equilibrium,
     /// Bias of the model: of every magnet the rotation vector from its predicted tangent to where it is taken
     /// to be, rad, world; zero where it is not estimated.
     pub bias: [[f64; 3]; MAGNETS_MAX],
@@ -92,6 +105,7 @@ impl CycleOutcome {
             verdict: Verdict::Unchecked,
             measured: UP,
             predicted: UP,
+            equilibrium: Equilibrium { actuation: request, base_force: [0.0; 3], base_moment: [0.0; 3] },
             bias: [[0.0; 3]; MAGNETS_MAX],
             gains: [1.0; COILS_MAX],
             model: ModelReport {

@@ -77,7 +77,7 @@ mod telemetry;
 pub mod threads;
 mod timing_summary;
 mod trust;
-mod view;
+pub mod view;
 mod watch;
 mod wire;
 

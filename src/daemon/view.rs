@@ -9,7 +9,7 @@ use magsteer_hal::{HardwareDescription, Stamp};
 
 use super::cycle_record::CycleRecord;
 use super::statistics::{MinuteStatistics, MinuteTiming, Statistics};
-use crate::control::Verdict;
+use crate::control::{Equilibrium, Verdict};
 
 /// Over how long the rate of the loop is measured.
 const RATE_WINDOW: Duration = Duration::from_secs(1);
@@ -157,6 +157,9 @@ impl StatusView {
             measured_direction: outcome.measured,
             predicted_direction: outcome.predicted,
             coil_gain: outcome.gains,
+            modelled: outcome.equilibrium.actuation,
+            base_force_n: outcome.equilibrium.base_force,
+            base_moment_n_m: outcome.equilibrium.base_moment,
             measured_position_m: positions(record.input.pose.as_ref()),
             description_fingerprint: self.description_fingerprint,
             measured: record.input.measured,
@@ -166,6 +169,16 @@ impl StatusView {
             message.measured = magsteer_hal::Actuation::default();
         }
         Some(message)
+    }
+}
+
+/// Where the model of the daemon is that told its status.
+#[must_use]
+pub const fn equilibrium(status: &StatusMessage) -> Equilibrium {
+    Equilibrium {
+        actuation: status.modelled,
+        base_force: status.base_force_n,
+        base_moment: status.base_moment_n_m,
     }
 }
 

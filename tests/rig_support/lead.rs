@@ -189,7 +189,7 @@ fn steers(bench: &Bench) -> bool {
 
 fn stance(record: &CycleRecord) -> Stance {
     Stance {
-        actuation: record.input.measured,
+        equilibrium: record.outcome.equilibrium,
         predicted: record.outcome.predicted,
         measured: record.outcome.measured,
         gains: record.outcome.gains,

@@ -125,6 +125,6 @@ pub const fn type_names() -> [(&'static str, &'static str); 6] {
         ("CoilFeedback", "magsteer_coil_feedback_v2"),
         ("OperatorRequest", "magsteer_operator_request_v3"),
         ("OperatorAnswer", "magsteer_operator_answer_v1"),
-        ("StatusMessage", "magsteer_status_v6"),
+        ("StatusMessage", "magsteer_status_v7"),
     ]
 }

@@ -134,6 +134,9 @@ pub(crate) fn layouts() -> Vec<Layout> {
             measured_direction,
             predicted_direction,
             coil_gain,
+            modelled,
+            base_force_n,
+            base_moment_n_m,
             measured_position_m,
             description_fingerprint,
             measured,
@@ -292,7 +295,7 @@ mod tests {
             ("RecordBatch", 48 + 3 * 8 + 4 * 4 + 8 * 4144),
             (
                 "StatusMessage",
-                48 + 8 + 11 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 5 * 192 + 256 + 8 + 2 * 320,
+                48 + 8 + 11 * 8 + 2 * 456 + 12 * 4 + 8 + 2 * 4 + 8 + 5 * 192 + 256 + 2 * 24 + 8 + 3 * 320,
             ),
         ];
         let text = text();

@@ -65,12 +65,12 @@ impl TargetAnswer {
         let way = |way: &[Waypoint]| way.iter().map(|point| WaypointAnswer::new(rig, point)).collect();
         let found = plan.as_ref().ok();
         let posture = found.map(|plan| &plan.posture);
-        let currents = posture.map(|posture| &posture.present.actuation.current_a[..rig.coils.len()]);
+        let currents = posture.map(|posture| &posture.equilibrium.actuation.current_a[..rig.coils.len()]);
         Self {
             reached: found.is_some(),
             error_deg: found.map(|plan| plan.error.to_degrees()),
             currents_a: currents.map(<[f64]>::to_vec),
-            angles_deg: posture.map(|posture| degrees(rig, &posture.present.actuation.angle_rad)),
+            angles_deg: posture.map(|posture| degrees(rig, &posture.equilibrium.actuation.angle_rad)),
             current_max_a: currents.map(greatest),
             condition: posture.map(|posture| posture.condition),
             stability_margin: posture.map(|posture| posture.margin),

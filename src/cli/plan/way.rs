@@ -22,7 +22,8 @@ pub fn experiment(
         axis = [0.0, 1.0, 0.0]\n\
         zero_direction = [0.0, 0.0, 1.0]\n"
         .to_owned();
-    let mut before = Waypoint { directions: rest.directions, frame_angles: rest.present.actuation.angle_rad };
+    let mut before =
+        Waypoint { directions: rest.directions, frame_angles: rest.equilibrium.actuation.angle_rad };
     let last = plans.iter().rposition(Result::is_ok);
     for (index, plan) in plans.iter().enumerate() {
         let Ok(plan) = plan else { continue };

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use anyhow::anyhow;
 use magsteer::config::Until;
 use magsteer::control::plan::{Guide, Leg, Order, Stance, Told};
-use magsteer::daemon::StopFlag;
 use magsteer::daemon::step_response::StepResponse;
+use magsteer::daemon::{StopFlag, view};
 use magsteer_hal::Stamp;
 use magsteer_hal::operator::{Cause, StatusMessage, state, verb, verdict};
 
@@ -205,7 +205,7 @@ fn held_by_hand() -> anyhow::Error {
 
 fn stance(status: &StatusMessage) -> Stance {
     Stance {
-        actuation: status.measured,
+        equilibrium: view::equilibrium(status),
         predicted: status.predicted_direction,
         measured: status.measured_direction,
         gains: status.coil_gain,

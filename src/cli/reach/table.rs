@@ -38,7 +38,7 @@ pub fn text(rig: &HardwareDescription, samples: &[Sample], plans: &[Result<Plan,
 }
 
 fn of_plan(rig: &HardwareDescription, plan: &Plan) -> Vec<String> {
-    let actuation = &plan.posture.present.actuation;
+    let actuation = &plan.posture.equilibrium.actuation;
     let currents = &actuation.current_a[..rig.coils.len()];
     let mut cells = vec!["1".to_owned(), String::new(), format!("{:.5}", plan.error.to_degrees())];
     cells.extend(currents.iter().map(|current| format!("{current:.5}")));

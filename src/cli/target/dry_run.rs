@@ -4,6 +4,7 @@ use magsteer::config::{Config, Document};
 use magsteer::control::ReferenceTarget;
 use magsteer::control::plan::{Obstacle, Rehearsal, Rehearsed};
 use magsteer::daemon::target::angle_from_z_deg;
+use magsteer::daemon::view;
 use magsteer_hal::operator::StatusMessage;
 use serde::Serialize;
 
@@ -79,9 +80,9 @@ impl DryRun {
         let mut begins_at = "rest";
         if let Start::Present(status) = start {
             begins_at = "present";
-            rehearsal.begin_at(&status.measured).map_err(|obstacle| {
-                let message =
-                    format!("the model does not come to the measured currents: {}", obstacle.text());
+            rehearsal.set_gains(&status.coil_gain);
+            rehearsal.begin_at(&view::equilibrium(status)).map_err(|obstacle| {
+                let message = format!("the model does not come to where the rig is: {}", obstacle.text());
                 Failure::with(Exit::No, anyhow::anyhow!(message))
             })?;
         }

@@ -6,13 +6,13 @@
 //! end beside its target.
 //!
 //! # Method
-//! Every way is planned from the loop's own currents and angles ([`Planner::standing_at`]), with the gains of the coils that it has learnt.
+//! Every way is planned from the loop's own equilibrium ([`Planner::standing_at`]), with the gains of the coils that it has learnt.
 //! The model is asked for directions by which the magnets, bent as much farther than the model as they are now, point at the target, and at
 //! the waypoints before it the magnets are asked to where they will be when the model is there. A way that was refused, or that ended
 //! beside its target, is not tried again: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew at
 //! rest, which everything after two ways in vain is, too. At rest, without loads, the magnets are asked to where the model is; where that
 //! is refused from a posture that bends them far beside the model, they go first to where that takes them from rest, and from there to
-//! rest. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the model
+//! rest. Where that is in vain too, the next way home ends with the frames elsewhere. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the model
 //! does not find to where the loop stands, or no way leads from there to rest, the currents are let go, which is the last resort: a rod
 //! whose currents fall all at once may snap on its way.
 //!
@@ -24,8 +24,8 @@ use magsteer_hal::{Actuation, COILS_MAX};
 use nalgebra::{Rotation3, Vector3};
 
 use super::planner::{Plan, Planner, Setting, Standing, Unreached};
-use super::walk::{Posture, Waypoint};
-use crate::control::step::Directions;
+use super::walk::Waypoint;
+use crate::control::step::{Directions, Equilibrium};
 use crate::math::angle_between;
 
 /// Ways to one target that are tried before it is given up.
@@ -33,15 +33,15 @@ const WAYS_MAX: u32 = 6;
 /// Ways that are tried from where the loop stands before the next begins at rest.
 const WAYS_BEFORE_REST: u32 = 2;
 /// Ways to rest that are tried before the currents are let go.
-const HOMEWARD_MAX: u32 = 2;
+const HOMEWARD_MAX: u32 = 4;
 /// Greatest angle between a waypoint and the reference, and of a frame to its goal, of a loop that has arrived, rad.
 const ARRIVED_WITHIN: f64 = 0.05_f64.to_radians();
 
 /// Where a loop stands, by its own word, its magnets at rest.
 #[derive(Debug, Clone, Copy)]
 pub struct Stance {
-    /// Currents and angles of its model.
-    pub actuation: Actuation,
+    /// Where its model is.
+    pub equilibrium: Equilibrium,
     /// Tangents that its model predicts for them, world.
     pub predicted: Directions,
     /// Measured tangents, world.
@@ -129,13 +129,21 @@ enum Heading {
     Back,
 }
 
+/// What became of ways to rest.
+#[derive(Debug, Clone, Default)]
+struct Homeward {
+    failed: u32,
+    /// True when the last of them was refused for the first time.
+    is_refused: bool,
+    /// Frame settings at rest that were tried in vain, rad.
+    avoided: Vec<Setting>,
+}
+
 /// Leads one loop.
 #[derive(Debug, Clone)]
 pub struct Guide {
     planner: Planner,
     target: Directions,
-    /// Postures of the model near which the loop may stand.
-    near: Vec<Posture>,
     /// Where the model came from, the last waypoint first.
     back: Vec<Waypoint>,
     /// Where the magnets and frames were when the present leg began.
@@ -150,10 +158,8 @@ pub struct Guide {
     missed: u32,
     /// Ways to the target tried since the loop was at rest, or the target was set.
     since_rest: u32,
-    /// Ways to rest that failed since then.
-    homeward_failed: u32,
-    /// True when the last of them was refused.
-    is_homeward_refused: bool,
+    /// What ways to rest came to since then.
+    homeward: Homeward,
     must_release: bool,
     /// True from when the loop was led to rest, or its currents were let go, until it is led away.
     is_at_rest: bool,
@@ -173,7 +179,6 @@ impl Guide {
                 frame_angles: Setting::default(),
             },
             planner,
-            near: Vec::new(),
             back: Vec::new(),
             legs: VecDeque::new(),
             heading: Heading::Target,
@@ -181,8 +186,7 @@ impl Guide {
             refused: 0,
             missed: 0,
             since_rest: 0,
-            homeward_failed: 0,
-            is_homeward_refused: false,
+            homeward: Homeward::default(),
             must_release: false,
             is_at_rest: false,
             is_unbent: false,
@@ -195,7 +199,7 @@ impl Guide {
         self.target = *target;
         self.legs.clear();
         self.avoided.clear();
-        (self.refused, self.missed, self.since_rest, self.homeward_failed) = (0, 0, 0, 0);
+        (self.refused, self.missed, self.since_rest, self.homeward) = (0, 0, 0, Homeward::default());
         (self.must_release, self.is_at_rest, self.is_there) = (false, false, false);
     }
 
@@ -224,7 +228,10 @@ impl Guide {
             }
         };
         if self.heading != Heading::Back {
-            self.begun = Waypoint { directions: stance.measured, frame_angles: stance.actuation.angle_rad };
+            self.begun = Waypoint {
+                directions: stance.measured,
+                frame_angles: stance.equilibrium.actuation.angle_rad,
+            };
         }
         Ok(Some(Order::Steer(Leg { waypoint: Waypoint { directions, ..*waypoint }, is_last })))
     }
@@ -243,13 +250,13 @@ impl Guide {
                 if self.legs.is_empty() && self.heading != Heading::Back {
                     self.is_at_rest = self.heading == Heading::Rest;
                     self.is_there = !self.is_at_rest;
-                    (self.since_rest, self.homeward_failed) = (0, 0);
+                    (self.since_rest, self.homeward) = (0, Homeward::default());
                 }
             }
             Told::Released => {
-                (self.near, self.back) = (Vec::new(), Vec::new());
+                self.back.clear();
                 (self.must_release, self.is_at_rest, self.is_unbent) = (false, true, true);
-                (self.since_rest, self.homeward_failed) = (0, 0);
+                (self.since_rest, self.homeward) = (0, Homeward::default());
             }
             Told::Refused | Told::Missed | Told::Held => {
                 self.is_unbent &= told == Told::Refused;
@@ -260,9 +267,14 @@ impl Guide {
                         self.avoided.extend(self.legs.back().map(|goal| goal.frame_angles));
                     }
                     Heading::Rest => {
-                        self.homeward_failed += 1;
-                        self.is_homeward_refused = told == Told::Refused;
-                        self.must_release = self.homeward_failed >= HOMEWARD_MAX;
+                        let homeward = &mut self.homeward;
+                        homeward.failed += 1;
+                        // What was refused without the bias is tried with it, before other frames are.
+                        homeward.is_refused = told == Told::Refused && !homeward.is_refused;
+                        if !homeward.is_refused {
+                            homeward.avoided.extend(self.legs.back().map(|end| end.frame_angles));
+                        }
+                        self.must_release = homeward.failed >= HOMEWARD_MAX;
                     }
                     // The next way begins wherever that ended.
                     Heading::Back => {}
@@ -283,8 +295,7 @@ impl Guide {
 
     /// True when the present leg is the first of two steps to rest: with the model's bias, without which the way was refused.
     fn leads_beside_rest(&self) -> bool {
-        let is_again = self.homeward_failed > 0 && self.is_homeward_refused;
-        self.heading == Heading::Rest && self.leads_to_rest() && !self.is_unbent && is_again
+        self.heading == Heading::Rest && self.leads_to_rest() && !self.is_unbent && self.homeward.is_refused
     }
 
     /// Finds the next way, to the target or to rest, or that the currents must go before there is one.
@@ -295,20 +306,21 @@ impl Guide {
             return Err(exhausted);
         }
         self.planner.set_gains(&stance.gains);
-        let standing = self.planner.standing_at(&stance.actuation, &stance.predicted, &self.near, &self.back);
+        let Stance { equilibrium, predicted, .. } = stance;
+        let standing = self.planner.standing_at(equilibrium, predicted, &self.back, &self.homeward.avoided);
         let Some(Standing { posture, home }) = standing else {
             self.must_release = true;
             return if self.is_at_rest { Err(GivenUp::Lost) } else { Ok(()) };
         };
-        let is_wanted_at_rest = self.since_rest >= WAYS_BEFORE_REST || self.homeward_failed > 0;
+        let is_wanted_at_rest = self.since_rest >= WAYS_BEFORE_REST || self.homeward.failed > 0;
         let plan = (!is_wanted_at_rest).then(|| self.way(&Standing { posture, home: home.clone() }, stance));
         let home = home.filter(|home| !self.is_at_rest && !home.is_empty());
-        self.near = vec![posture];
-        self.back =
-            vec![Waypoint { directions: posture.directions, frame_angles: stance.actuation.angle_rad }];
+        self.back = vec![Waypoint {
+            directions: posture.directions,
+            frame_angles: stance.equilibrium.actuation.angle_rad,
+        }];
         match (plan, home) {
             (Some(Ok(plan)), home) if !home.as_ref().is_some_and(|home| plan.waypoints.starts_with(home)) => {
-                self.near.insert(0, plan.posture);
                 (self.legs, self.heading) = (plan.waypoints.into(), Heading::Target);
                 (self.since_rest, self.is_at_rest) = (self.since_rest + 1, false);
             }

@@ -10,11 +10,11 @@ use super::search::{Goal, Tried};
 use super::walk::{Bounds, Obstacle, Posture, Walked, Waypoint};
 use super::walker::Walker;
 use crate::control::config::ControlConfig;
-use crate::control::step::Directions;
+use crate::control::step::{Directions, Equilibrium};
 use crate::rod::Manipulator;
 
-/// Greatest angle between where the model comes under a loop's currents and where the loop's own model is, rad: on another branch it
-/// is many times that, and currents that are off by some mA come to half a degree near a snap-through.
+/// Greatest angle between where this model comes from a loop's equilibrium and where the loop's own model is, rad: on another branch, and
+/// where the two are not of one rig, it is many times that; a loop whose jump is not caught up with is off by less.
 const SAME_POSTURE: f64 = 1.5_f64.to_radians();
 
 /// Frame angles, rad.
@@ -217,33 +217,25 @@ impl Planner {
         }
     }
 
-    /// Where a loop stands: the posture under these currents and angles in which the magnets point as `predicted`, come to from one of
-    /// those `near` it, from rest, or from where these frames lead to the same directions; `None` when the model does not come there. Its
-    /// way to rest is one that the loop's scout lets pass, where there is one; `back` leads there along where the loop came from.
+    /// Where a loop stands whose model is at `equilibrium`, its magnets as `predicted` there; `None` when this model does not come there.
+    /// Its way to rest is one that the loop's scout lets pass, where there is one, and ends with none of the frame settings `avoided`, rad;
+    /// `back` leads there along where the loop came from.
     #[must_use]
     pub fn standing_at(
         &self,
-        actuation: &Actuation,
+        equilibrium: &Equilibrium,
         predicted: &Directions,
-        near: &[Posture],
         back: &[Waypoint],
+        avoided: &[Setting],
     ) -> Option<Standing> {
         let mut walker = self.walker.clone();
-        let mut come_from = |posture: &Posture| {
-            walker.resume(posture).ok()?;
-            walker.actuate(actuation).ok()?;
-            (walker.error_to(predicted) <= SAME_POSTURE).then(|| walker.posture())
-        };
-        let direct = near.iter().chain([&self.rest.posture]).find_map(&mut come_from);
-        let posture = direct.or_else(|| {
-            let there = self.from_rest_with(&actuation.angle_rad, predicted).ok()?;
-            come_from(&there.posture)
-        })?;
-        let along = self.way_home(&posture, back);
+        walker.resume(equilibrium).ok()?;
+        let posture = (walker.error_to(predicted) <= SAME_POSTURE).then(|| walker.posture())?;
+        let along = self.way_home(&posture, back, avoided);
         if along.as_ref().is_some_and(|home| self.passes(&posture, home)) {
             return Some(Standing { posture, home: along });
         }
-        let rest = Goal { directions: &self.rest.posture.directions, avoided: &[] };
+        let rest = Goal { directions: &self.rest.posture.directions, avoided };
         let found = self.search(&posture, &rest, false).ok();
         let home = match (found, along) {
             (Some(found), along) if found.passes || along.is_none() => Some(found.waypoints),

@@ -16,7 +16,7 @@ use super::walker::Walker;
 use crate::control::config::{ControlConfig, FrameUse};
 use crate::control::reference::ReferenceTarget;
 use crate::control::scout::ScoutConfig;
-use crate::control::step::Directions;
+use crate::control::step::{Directions, Equilibrium};
 use crate::rod::Manipulator;
 
 /// Walks targets one after another.
@@ -62,7 +62,7 @@ impl Rehearsal {
         };
         let angle_rad = control.resting_frames(description);
         // Frames that turn without currents turn nothing.
-        let _ = rehearsal.begin_at(&Actuation { angle_rad, ..Actuation::default() });
+        let _ = rehearsal.walker.actuate(&Actuation { angle_rad, ..Actuation::default() });
         rehearsal
     }
 
@@ -71,20 +71,12 @@ impl Rehearsal {
         self.walker.set_gains(gains);
     }
 
-    /// Begins at the equilibrium under these currents and angles.
-    ///
-    /// # Errors
-    /// When the model does not come there.
-    pub fn begin_at(&mut self, actuation: &Actuation) -> Result<(), Obstacle> {
-        self.walker.actuate(actuation)
-    }
-
-    /// Begins at an equilibrium that is known.
+    /// Begins at an equilibrium.
     ///
     /// # Errors
     /// When it is none of this rig's model.
-    pub fn begin_from(&mut self, posture: &Posture) -> Result<(), Obstacle> {
-        self.walker.resume(posture)
+    pub fn begin_at(&mut self, equilibrium: &Equilibrium) -> Result<(), Obstacle> {
+        self.walker.resume(equilibrium)
     }
 
     /// False where the loop turns the frames as it likes on the way to `target`, so that this rehearsal binds nobody.
@@ -99,7 +91,7 @@ impl Rehearsal {
         let margin_min = crate::control::scout::margin_allowed(self.bounds.margin_min, from.margin);
         let goal = Waypoint {
             directions: self.directions(target, &from),
-            frame_angles: target.frame_angles.unwrap_or(from.present.actuation.angle_rad),
+            frame_angles: target.frame_angles.unwrap_or(from.equilibrium.actuation.angle_rad),
         };
         let mut walk = self.walker.set_out(&goal, &Bounds { margin_min, ..self.bounds });
         let obstacle = loop {

@@ -134,16 +134,26 @@ impl Planner {
         })
     }
 
-    /// A way from `from` to rest: with the frames as they stand, else along `back` and then to rest.
-    pub(super) fn way_home(&self, from: &Posture, back: &[Waypoint]) -> Option<Vec<Waypoint>> {
+    /// A way from `from` to rest: with the frames as they stand, else along `back` and then to rest; none that ends with the frames as in
+    /// one of `avoided`.
+    pub(super) fn way_home(
+        &self,
+        from: &Posture,
+        back: &[Waypoint],
+        avoided: &[Setting],
+    ) -> Option<Vec<Waypoint>> {
         let rest = self.rest.posture.directions;
-        let home = Waypoint { directions: rest, frame_angles: from.present.actuation.angle_rad };
+        let goal = Goal { directions: &rest, avoided };
+        let home = Waypoint { directions: rest, frame_angles: from.equilibrium.actuation.angle_rad };
         let ways = self.groups.iter().flatten().map(|route| route.waypoints(&from.directions, &home));
         let ways = ways.chain(back.last().map(|last| {
             let last = last.frame_angles;
             back.iter().copied().chain([Waypoint { directions: rest, frame_angles: last }]).collect()
         }));
-        ways.into_iter().find(|way: &Vec<Waypoint>| self.walk_through(from, way.clone()).is_ok())
+        let mut ways = ways.filter(|way: &Vec<Waypoint>| {
+            way.last().is_some_and(|end| goal.allows(&end.frame_angles, 0.5 * self.frame_step))
+        });
+        ways.find(|way| self.walk_through(from, way.clone()).is_ok())
     }
 
     /// Without currents frames turn freely: a way from rest begins with them in place.
@@ -245,9 +255,9 @@ impl Planner {
             let mut back: Vec<Waypoint> = plan.waypoints.iter().rev().skip(1).copied().collect();
             back.push(Waypoint {
                 directions: from.directions,
-                frame_angles: from.present.actuation.angle_rad,
+                frame_angles: from.equilibrium.actuation.angle_rad,
             });
-            let Some(home) = self.way_home(&plan.posture, &back) else { continue };
+            let Some(home) = self.way_home(&plan.posture, &back, &[]) else { continue };
             plan.home = home;
             plan.passes = self.passes(from, &plan.waypoints);
             if plan.passes {
@@ -261,7 +271,7 @@ impl Planner {
     /// True when the loop's scout would let these waypoints pass, or there is none.
     pub(super) fn passes(&self, from: &Posture, waypoints: &[Waypoint]) -> bool {
         let Some(mut scout) = self.scout.clone() else { return true };
-        scout.begin_from(from).is_ok()
+        scout.begin_at(&from.equilibrium).is_ok()
             && waypoints.iter().all(|waypoint| scout.step(&waypoint.target()).obstacle.is_none())
     }
 
@@ -308,7 +318,7 @@ impl Planner {
         };
         let (start, mut walked) = begun.copied().unwrap_or((*from, Walked::NOWHERE));
         let is_wanted = |walked: &Walked| self.score(walked) <= score_max;
-        walker.resume(&start).map_err(|obstacle| halt(walker, obstacle))?;
+        walker.resume(&start.equilibrium).map_err(|obstacle| halt(walker, obstacle))?;
         let mut error = f64::INFINITY;
         let mut before = start.directions;
         for waypoint in waypoints.iter().skip(usize::from(begun.is_some())) {

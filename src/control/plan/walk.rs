@@ -3,9 +3,8 @@
 use magsteer_hal::POSE_PARAMETERS_MAX;
 use serde::Serialize;
 
-use crate::control::algorithm_1::Present;
 use crate::control::reference::ReferenceTarget;
-use crate::control::step::Directions;
+use crate::control::step::{Directions, Equilibrium};
 
 /// A point on a way: where the magnets shall point and how the frames shall stand.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,8 +108,8 @@ impl Walked {
 /// An equilibrium of the model under its actuation.
 #[derive(Debug, Clone, Copy)]
 pub struct Posture {
-    /// Actuation and base unknowns.
-    pub present: Present,
+    /// Actuation, and what the clamp carries.
+    pub equilibrium: Equilibrium,
     /// Tangents, world.
     pub directions: Directions,
     /// Margin of stability.

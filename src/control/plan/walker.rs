@@ -9,13 +9,12 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::expected_power::ExpectedPower;
 use super::walk::{Advance, Bounds, Effort, Obstacle, Posture, Stop, Walk, Walked, Waypoint};
-use crate::control::algorithm_1::Present;
 use crate::control::allocation::{Allocation, Wish};
 use crate::control::config::{ControlConfig, FrameUse};
 use crate::control::error::{OrientationError, OrientationErrorKind};
 use crate::control::jacobian::exact_rows;
 use crate::control::model::Model;
-use crate::control::step::Directions;
+use crate::control::step::{Directions, Equilibrium};
 use crate::math::{along_great_circle, angle_between, logarithm};
 use crate::rod::Manipulator;
 
@@ -46,7 +45,7 @@ pub struct Walker {
     error: OrientationError,
     allocation: Allocation,
     expected: ExpectedPower,
-    at: Present,
+    at: Equilibrium,
     /// Greatest turn of a magnet between two stations, rad.
     magnet_step: f64,
     magnets: usize,
@@ -115,7 +114,7 @@ impl Walker {
         let mut model = Model::new(description, manipulator, control.passes_max);
         model.follow(&Actuation::default());
         Self {
-            at: model.present(),
+            at: model.equilibrium(),
             magnet_step: MAGNET_STEP,
             model,
             error: OrientationError::new(OrientationErrorKind::TangentPlane, &base),
@@ -136,7 +135,7 @@ impl Walker {
         let currents = &self.at.actuation.current_a[..self.coils];
         let expected = self.expected.evaluate(currents, &self.jacobian, self.coils + self.frames);
         Posture {
-            present: self.at,
+            equilibrium: self.at,
             directions,
             margin: self.model.stability().margin,
             expected,
@@ -144,13 +143,13 @@ impl Walker {
         }
     }
 
-    /// Goes back to a posture.
+    /// Goes straight to an equilibrium.
     ///
     /// # Errors
-    /// When it is no equilibrium of this walker's model.
-    pub fn resume(&mut self, posture: &Posture) -> Result<(), Obstacle> {
-        self.at = posture.present;
-        self.model.resume(&posture.present);
+    /// When it is none of this walker's model.
+    pub fn resume(&mut self, equilibrium: &Equilibrium) -> Result<(), Obstacle> {
+        self.at = *equilibrium;
+        self.model.resume(equilibrium);
         // Once for every entry of the margin's gradient, so that nothing is left of where the walker was before.
         for _ in 0..(self.coils + self.frames).max(1) {
             self.settle()?;
@@ -161,7 +160,7 @@ impl Walker {
     /// Goes to where another model of the same rig is, with all that it knows; that must be at an equilibrium. Allocates no memory.
     pub fn take_up(&mut self, model: &Model) {
         self.model.take_up(model);
-        self.at = model.present();
+        self.at = model.equilibrium();
     }
 
     /// From now on every coil makes `gains` times its described field.
@@ -286,7 +285,7 @@ impl Walker {
         effort.arrived = true;
         let here = self.posture();
         walk.walked = walk.walked.then(&Walked {
-            current_max: greatest(&here.present.actuation.current_a),
+            current_max: greatest(&here.equilibrium.actuation.current_a),
             margin_min: here.margin,
             expected_max: here.expected,
         });
@@ -353,7 +352,7 @@ impl Walker {
         }
         if report.converged {
             *follows = 0;
-            self.at = self.model.present();
+            self.at = self.model.equilibrium();
             return Ok(true);
         }
         if *follows >= FOLLOWS_MAX { Err(Obstacle::BranchEnds) } else { Ok(false) }
