@@ -155,7 +155,7 @@ fn a_loop_that_refuses_everything_is_offered_other_frames_then_rest_then_nothing
     let posture = planner.from_rest(&targets[0]).expect("within 30 deg").posture;
     let mut guide = Guide::new(planner.clone());
     guide.set_out(&targets[1]);
-    let (mut refused, mut releases) = (Vec::new(), 0);
+    let (mut refused, mut homeward, mut releases) = (Vec::new(), Vec::new(), 0);
     let mut present = stance(&posture);
     let given_up = loop {
         match guide.order(&present) {
@@ -171,6 +171,9 @@ fn a_loop_that_refuses_everything_is_offered_other_frames_then_rest_then_nothing
                 if leg.is_last {
                     refused.push(leg.waypoint.frame_angles);
                 }
+                if is_homeward && releases == 0 {
+                    homeward.push(leg.waypoint.frame_angles);
+                }
                 // Frames that turn at rest refuse nobody.
                 let passes = is_homeward && releases > 0;
                 guide.tell(if passes { Told::Arrived } else { Told::Refused });
@@ -182,6 +185,9 @@ fn a_loop_that_refuses_everything_is_offered_other_frames_then_rest_then_nothing
     assert!(refused.len() >= 2, "{refused:?}");
     let again = refused.iter().enumerate().find(|(index, frames)| refused[..*index].contains(frames));
     assert_eq!(again, None, "{refused:?}");
+    // With the bias once more, which here is none, then with other frames.
+    assert!(homeward.len() >= 3 && homeward[0] == homeward[1], "{homeward:?}");
+    assert!(homeward[2..].iter().all(|frames| *frames != homeward[0]), "{homeward:?}");
     assert!(matches!(given_up, GivenUp::Exhausted { refused: 2.., .. }), "{given_up}");
 }
 

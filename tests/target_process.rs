@@ -176,4 +176,16 @@ fn planned_ways_lead_out_of_the_plane_and_need_a_daemon_that_steers() {
     let played = output(target(&world, &["play", script_name, "--plan", "--json"]));
     assert_eq!(played.status.code(), Some(0), "{}", said(&played));
     assert_eq!(answer(&played)["steps"].as_array().map(Vec::len), Some(1));
+
+    // A dry run begins where the daemon's model is: hardly anything is left to be walked to the same target.
+    let dry =
+        output(target(&world, &["set", "m1=0.95,0.25,-0.18", "m2=0.6,0.3,-0.742", "--dry-run", "--json"]));
+    assert_eq!(dry.status.code(), Some(0), "{}", said(&dry));
+    let (told, status) = (answer(&dry), operator.until(|_| true));
+    assert_eq!(told["begins_at"], "present");
+    let step = &told["steps"][0];
+    let number = |key: &str| step[key].as_f64().expect("a number");
+    let currents = status.modelled.current_a.iter().fold(0.0_f64, |most, current| most.max(current.abs()));
+    assert!(currents > 0.1 && (number("current_max_a") - currents).abs() < 0.5, "{currents} A, {step}");
+    assert!((number("stability_margin") - status.stability_margin).abs() < 0.1, "{step}");
 }

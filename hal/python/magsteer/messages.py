@@ -6,7 +6,7 @@ Generated from the Rust sources by `magsteer hal bindings`: do not edit.
 import ctypes
 
 SCHEMA = 1
-SCHEMA_HASH = "36bb9624f1018364"
+SCHEMA_HASH = "8b4372e56dc6ed05"
 SCHEMA_ATTRIBUTE = "magsteer-schema"
 TRANSPORT_VERSION = "0100"
 ROOT_LENGTH_MAX = 65
@@ -292,6 +292,9 @@ class StatusMessage(ctypes.Structure):
         ("measured_direction", (ctypes.c_double * 3) * 8),
         ("predicted_direction", (ctypes.c_double * 3) * 8),
         ("coil_gain", ctypes.c_double * 32),
+        ("modelled", Actuation),
+        ("base_force_n", ctypes.c_double * 3),
+        ("base_moment_n_m", ctypes.c_double * 3),
         ("measured_position_m", (ctypes.c_double * 3) * 8),
         ("description_fingerprint", ctypes.c_uint64),
         ("measured", Actuation),
@@ -300,7 +303,7 @@ class StatusMessage(ctypes.Structure):
 
     @staticmethod
     def type_name() -> str:
-        return "magsteer_status_v6"
+        return "magsteer_status_v7"
 
 
 # Size of each structure and offset of each field as Rust has them.
@@ -394,7 +397,7 @@ LAYOUTS = {
         "pose_to_driver": 376,
         "round_trip": 416,
     }),
-    "StatusMessage": (2992, {
+    "StatusMessage": (3360, {
         "header": 0,
         "state": 48,
         "cause": 52,
@@ -432,9 +435,12 @@ LAYOUTS = {
         "measured_direction": 1512,
         "predicted_direction": 1704,
         "coil_gain": 1896,
-        "measured_position_m": 2152,
-        "description_fingerprint": 2344,
-        "measured": 2352,
-        "admitted": 2672,
+        "modelled": 2152,
+        "base_force_n": 2472,
+        "base_moment_n_m": 2496,
+        "measured_position_m": 2520,
+        "description_fingerprint": 2712,
+        "measured": 2720,
+        "admitted": 3040,
     }),
 }

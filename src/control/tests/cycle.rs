@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::fixtures::{Rig, any_size, numbers, seeded};
 use crate::control::{
-    AllocationKind, Cycle, CycleInput, CycleOutcome, Directions, FeedbackKind, FrameUse, JacobianKind,
+    AllocationKind, Cycle, CycleInput, CycleOutcome, Directions, FeedbackKind, FrameUse, JacobianKind, Model,
     OrientationErrorKind, PoseSource, Step,
 };
 
@@ -50,6 +50,38 @@ fn input(measured: Directions, target: Directions) -> CycleInput {
         target: target.into(),
         engaged: true,
     }
+}
+
+/// Goal: the equilibrium told is that of the tangents and gains told beside it, whatever was learnt in the same cycle: a model that knows
+/// nothing else finds the same tangents there.
+#[test]
+fn the_equilibrium_told_is_where_another_model_finds_the_same_tangents() {
+    let rig = Rig::shipped();
+    let mut cycle = cycle(&rig);
+    let mut given = input(planar([90.0, 90.0]), planar([90.0, 90.0]));
+    given.engaged = false;
+    let mut gains_max = 0.0_f64;
+    for number in 0..1500 {
+        let share = f64::from(number.min(400)) / 400.0;
+        given.measured = rig.actuation(&[1.0, -0.8, 0.6, 0.9, -0.5, 0.7, 0.2, -0.1].map(|full| full * share));
+        let told = cycle.step(&given);
+        // A rod some degrees beside the model, so that gains are learnt.
+        let turn = Rotation3::new(Vector3::new(0.0, -3.0_f64.to_radians(), 0.0));
+        given.pose = Some(seen(&told.predicted.map(|tangent| (turn * Vector3::from(tangent)).into())));
+        gains_max = told.gains.iter().fold(gains_max, |most, gain| most.max((gain - 1.0).abs()));
+        if number % 100 != 0 {
+            continue;
+        }
+        let mut other = Model::new(&rig.description, rig.manipulator.clone(), rig.control.passes_max);
+        other.set_gains(&told.gains);
+        other.resume(&told.equilibrium);
+        assert!(other.follow(&told.equilibrium.actuation).converged, "cycle {number}");
+        for (magnet, predicted) in told.predicted.iter().enumerate().take(2) {
+            let apart = (other.tangent(magnet) - Vector3::from(*predicted)).norm();
+            assert!(apart < 1e-6, "cycle {number}, magnet {magnet}: {apart}");
+        }
+    }
+    assert!(gains_max > 0.01, "nothing was learnt: {gains_max}");
 }
 
 /// Goal: a cycle that is not engaged, or has never seen a pose, asks for what is admitted already.
