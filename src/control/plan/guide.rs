@@ -19,6 +19,7 @@
 //! What is absent: a loop, a clock, a channel. Whoever steers carries out [`Order`]s and tells what became of them ([`Told`]).
 
 use std::collections::VecDeque;
+use std::iter;
 
 use magsteer_hal::{Actuation, COILS_MAX};
 use nalgebra::{Rotation3, Vector3};
@@ -144,7 +145,7 @@ struct Homeward {
 pub struct Guide {
     planner: Planner,
     target: Directions,
-    /// Where the model came from, the last waypoint first.
+    /// A way to rest: back along where the model came from, and on from there.
     back: Vec<Waypoint>,
     /// Where the magnets and frames were when the present leg began.
     begun: Waypoint,
@@ -315,10 +316,11 @@ impl Guide {
         let is_wanted_at_rest = self.since_rest >= WAYS_BEFORE_REST || self.homeward.failed > 0;
         let plan = (!is_wanted_at_rest).then(|| self.way(&Standing { posture, home: home.clone() }, stance));
         let home = home.filter(|home| !self.is_at_rest && !home.is_empty());
-        self.back = vec![Waypoint {
+        let here = Waypoint {
             directions: posture.directions,
             frame_angles: stance.equilibrium.actuation.angle_rad,
-        }];
+        };
+        self.back = iter::once(here).chain(home.iter().flatten().copied()).collect();
         match (plan, home) {
             (Some(Ok(plan)), home) if !home.as_ref().is_some_and(|home| plan.waypoints.starts_with(home)) => {
                 (self.legs, self.heading) = (plan.waypoints.into(), Heading::Target);

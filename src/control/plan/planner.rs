@@ -151,7 +151,7 @@ impl Planner {
     /// # Errors
     /// When no setting arrives.
     pub fn from_rest(&self, target: &Directions) -> Result<Plan, Unreached> {
-        self.search(&self.rest.posture, &Goal { directions: target, avoided: &[] }, true)
+        self.search(&self.rest.posture, &Goal::target(target, &[]), true)
     }
 
     /// A way from rest to `target` with the frames held at one setting, as an array without frames would have it.
@@ -199,7 +199,7 @@ impl Planner {
         target: &Directions,
         avoided: &[Setting],
     ) -> Result<Plan, Unreached> {
-        let goal = Goal { directions: target, avoided };
+        let goal = Goal::target(target, avoided);
         let straight = self.search(&from.posture, &goal, false);
         let around = self.by_way_of_rest(from, &goal);
         match (straight, around) {
@@ -235,7 +235,7 @@ impl Planner {
         if along.as_ref().is_some_and(|home| self.passes(&posture, home)) {
             return Some(Standing { posture, home: along });
         }
-        let rest = Goal { directions: &self.rest.posture.directions, avoided };
+        let rest = Goal::rest(&self.rest.posture.directions, avoided);
         let found = self.search(&posture, &rest, false).ok();
         let home = match (found, along) {
             (Some(found), along) if found.passes || along.is_none() => Some(found.waypoints),

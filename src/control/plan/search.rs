@@ -18,8 +18,10 @@ const REFINED: usize = 8;
 const ROUNDS: usize = 3;
 /// Difference of frame angles below which two settings are one, rad.
 const SAME: f64 = 1e-6;
-/// Ways whose return is tried before a search gives up.
-const RETURNS_TRIED: usize = 8;
+/// Ways that are looked at more closely, for their return and by the scout's walk, before a search to a target gives up.
+const TO_TARGET: usize = 8;
+/// The same of a search to rest: where none passes, currents are let go.
+const TO_REST: usize = 64;
 /// Ways that are walked before the best so far are looked at: many times the cores of a machine.
 const BATCH: usize = 32;
 
@@ -38,9 +40,21 @@ pub(super) struct Goal<'a> {
     pub directions: &'a Directions,
     /// Settings of the frames that shall not be taken, rad.
     pub avoided: &'a [Setting],
+    /// How many of the best ways are looked at more closely.
+    pub looked_at: usize,
 }
 
-impl Goal<'_> {
+impl<'a> Goal<'a> {
+    /// A target of the loop.
+    pub fn target(directions: &'a Directions, avoided: &'a [Setting]) -> Self {
+        Self { directions, avoided, looked_at: TO_TARGET }
+    }
+
+    /// The directions of rest.
+    pub fn rest(directions: &'a Directions, avoided: &'a [Setting]) -> Self {
+        Self { directions, avoided, looked_at: TO_REST }
+    }
+
     fn allows(&self, setting: &Setting, apart: f64) -> bool {
         !self.avoided.iter().any(|avoided| are_within(avoided, setting, apart))
     }
@@ -115,7 +129,7 @@ impl Planner {
         let mut halted = Vec::new();
         for routes in &self.groups {
             let ways = routes.iter().map(|route| self.way_from_rest(tried, *route, target));
-            let followed = self.follow_all(&self.rest.posture, ways.collect());
+            let followed = self.follow_all(&self.rest.posture, ways.collect(), TO_TARGET);
             halted.extend(&followed.halted);
             if let Some(plan) = followed.arrived.into_iter().next() {
                 return Ok(plan);
@@ -143,7 +157,7 @@ impl Planner {
         avoided: &[Setting],
     ) -> Option<Vec<Waypoint>> {
         let rest = self.rest.posture.directions;
-        let goal = Goal { directions: &rest, avoided };
+        let goal = Goal::rest(&rest, avoided);
         let home = Waypoint { directions: rest, frame_angles: from.equilibrium.actuation.angle_rad };
         let ways = self.groups.iter().flatten().map(|route| route.waypoints(&from.directions, &home));
         let ways = ways.chain(back.last().map(|last| {
@@ -191,7 +205,7 @@ impl Planner {
                 self.settings.iter().filter(is_allowed).flat_map(|tried| {
                     routes.iter().map(move |route| self.way(from_here, tried, *route, target))
                 });
-            let followed = self.follow_all(from, ways.collect());
+            let followed = self.follow_all(from, ways.collect(), goal.looked_at);
             halted.extend(&followed.halted);
             match self.best_with_return(from, followed.arrived) {
                 Some(plan) if plan.passes => return Ok(plan),
@@ -219,7 +233,7 @@ impl Planner {
                 .iter()
                 .filter(is_allowed)
                 .flat_map(|tried| routes().map(move |route| self.way(from_here, tried, *route, target)));
-            let followed = self.follow_all(from, ways.collect());
+            let followed = self.follow_all(from, ways.collect(), goal.looked_at);
             halted.extend(&followed.halted);
             if let Some(plan) = self.best_with_return(from, followed.arrived) {
                 return Ok(plan);
@@ -251,7 +265,7 @@ impl Planner {
     /// The best of `plans`, best first, from which there is a way to rest; one that the scout lets pass where there is one.
     fn best_with_return(&self, from: &Posture, plans: Vec<Plan>) -> Option<Plan> {
         let mut refused = None;
-        for mut plan in plans.into_iter().take(RETURNS_TRIED) {
+        for mut plan in plans {
             let mut back: Vec<Waypoint> = plan.waypoints.iter().rev().skip(1).copied().collect();
             back.push(Waypoint {
                 directions: from.directions,
@@ -275,8 +289,8 @@ impl Planner {
             && waypoints.iter().all(|waypoint| scout.step(&waypoint.target()).obstacle.is_none())
     }
 
-    /// Walks every way that may be among the best.
-    fn follow_all(&self, from: &Posture, ways: Vec<Way<'_>>) -> Followed {
+    /// Walks every way that may be among the best `looked_at`.
+    fn follow_all(&self, from: &Posture, ways: Vec<Way<'_>>, looked_at: usize) -> Followed {
         let mut followed = Followed { arrived: Vec::new(), halted: Vec::new() };
         let mut ways = ways.into_iter();
         loop {
@@ -284,7 +298,7 @@ impl Planner {
             if batch.is_empty() {
                 return followed;
             }
-            let last_looked_at = followed.arrived.get(RETURNS_TRIED - 1);
+            let last_looked_at = followed.arrived.get(looked_at - 1);
             let score_max = last_looked_at.map_or(f64::INFINITY, |plan| self.score(&plan.walked));
             let outcomes: Vec<_> = batch
                 .into_par_iter()
@@ -298,6 +312,7 @@ impl Planner {
                 }
             }
             followed.arrived.sort_by(|a, b| self.score(&a.walked).total_cmp(&self.score(&b.walked)));
+            followed.arrived.truncate(looked_at);
         }
     }
 
