@@ -19,7 +19,8 @@
 //! # Method
 //! Everything that moves nothing is `x = N a + K y` with `a` and `y` free: `A x + B y = 0` (s1). Of a quantity `f` with gradients `f_x`, `f_y`
 //! the steepest ascent in these is `a = f_x`, `y = f_y + K' f_x` (s2), the second the change of `f` with the frames when the currents follow. The tasks:
-//! - power: `a` is descent of `V / 2` at the rate of release, which without `epsilon` is the decay of currents;
+//! - power: `a` is descent of `V / 2` at the rate of release, which without `epsilon` is the decay of currents; where the frames are told
+//!   where to go it is the decay of currents whatever `V`, so that the loop goes as planner and scout have walked before it;
 //! - authority: frames turn against the gradient `r` of `ln V` by (s2), at `speed r / sqrt(1 + |r|^2)`: the logarithm and the root keep the law
 //!   tame where authority vanishes and `V` is steep;
 //! - centring: frames return home at their rate, which also leads them out of settings whose symmetry leaves no gradient;
@@ -244,12 +245,14 @@ impl SecondaryTasks {
         }
     }
 
-    /// `x = N a`: currents decay, or go down the gradient of `V / 2` where that is known; never faster than from full current.
+    /// `x = N a`: currents decay, or go down the gradient of `V / 2` where that is known and the frames are the tasks' own; never faster
+    /// than from full current.
     fn release_currents(&mut self, wish: &Wish<'_>, limits: &[Limits]) {
         let step = self.release * wish.period;
+        let expected_power = wish.expected_power.filter(|_| wish.frame_angles.is_none());
         let currents = &mut self.preferred[..self.coils];
         for (index, (preferred, limits)) in currents.iter_mut().zip(limits).enumerate() {
-            let downhill = match wish.expected_power {
+            let downhill = match expected_power {
                 Some((power, gradient)) => 0.5 * power * gradient[index],
                 None => wish.admitted.current_a[index],
             };

@@ -316,10 +316,8 @@ impl Guide {
         let is_wanted_at_rest = self.since_rest >= WAYS_BEFORE_REST || self.homeward.failed > 0;
         let plan = (!is_wanted_at_rest).then(|| self.way(&Standing { posture, home: home.clone() }, stance));
         let home = home.filter(|home| !self.is_at_rest && !home.is_empty());
-        let here = Waypoint {
-            directions: posture.directions,
-            frame_angles: stance.equilibrium.actuation.angle_rad,
-        };
+        let here =
+            Waypoint { directions: posture.directions, frame_angles: stance.equilibrium.actuation.angle_rad };
         self.back = iter::once(here).chain(home.iter().flatten().copied()).collect();
         match (plan, home) {
             (Some(Ok(plan)), home) if !home.as_ref().is_some_and(|home| plan.waypoints.starts_with(home)) => {

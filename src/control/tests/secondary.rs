@@ -136,6 +136,33 @@ fn frames_return_home_when_nothing_else_moves_them() {
     assert!((bottom - 45.0).abs() < 0.1 && (top - 67.5).abs() < 0.1, "{bottom} {top}");
 }
 
+/// Goal: where frames are told where to go, currents decay as on the ways that planner and scout walk, whatever the expected power would have.
+#[test]
+fn currents_decay_as_on_planned_ways_where_frames_are_told() {
+    let bench = Bench::new(&POSTURE, 20.0, 0.1);
+    let jacobian = bench.jacobian();
+    let increment = |told: bool, expected_power| {
+        let mut allocation = bench.allocation.clone();
+        allocation.allocate(&Wish {
+            jacobian: &jacobian,
+            step: &[0.0; ROWS],
+            admitted: &bench.at,
+            period: PERIOD,
+            determinant: bench.model.determinant(),
+            determinant_gradient: bench.model.determinant_gradient(),
+            frame_angles: told.then_some(&bench.at.angle_rad),
+            expected_power,
+        });
+        allocation.increment().to_vec()
+    };
+    let known = bench.model.expected_power();
+    assert!(known.is_some());
+    let decay = increment(true, None);
+    assert!(decay.iter().any(|change| change.abs() > 1e-6), "or nothing is seen of it: {decay:?}");
+    assert_eq!(increment(true, known), decay);
+    assert_ne!(increment(false, known)[..6], decay[..6]);
+}
+
 /// Goal: never at the cost of the primary task: what a wish of the rows leaves undone is the same with the tasks of the frames and
 /// without, to what the damping makes of rounding, where no limit is met.
 #[test]
