@@ -12,9 +12,9 @@
 //! beside its target, is not tried again: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew at
 //! rest, which everything after two ways in vain is, too. At rest, without loads, the magnets are asked to where the model is; where that
 //! is refused from a posture that bends them far beside the model, they go first to where that takes them from rest, and from there to
-//! rest. Where that is in vain too, the next way home ends with the frames elsewhere. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the model
-//! does not find to where the loop stands, or no way leads from there to rest, the currents are let go, which is the last resort: a rod
-//! whose currents fall all at once may snap on its way.
+//! rest. Where that is in vain too, the next way home ends with the frames elsewhere. A loop that holds near a snap-through is sent back
+//! at once to where its leg began, before anything is planned. Where the planner's model does not find the loop's equilibrium, or no way
+//! leads from there to rest, the currents are let go, which is the last resort: a rod whose currents fall all at once may snap on its way.
 //!
 //! What is absent: a loop, a clock, a channel. Whoever steers carries out [`Order`]s and tells what became of them ([`Told`]).
 
