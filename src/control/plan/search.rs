@@ -20,7 +20,7 @@ const ROUNDS: usize = 3;
 const SAME: f64 = 1e-6;
 /// Ways that are looked at more closely, for their return and by the scout's walk, before a search to a target gives up.
 const TO_TARGET: usize = 8;
-/// The same of a search to rest: where none passes, currents are let go.
+/// The same of a search to rest, which nothing can take the place of but letting the currents go.
 const TO_REST: usize = 64;
 /// Ways that are walked before the best so far are looked at: many times the cores of a machine.
 const BATCH: usize = 32;
