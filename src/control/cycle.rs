@@ -90,7 +90,7 @@ impl Cycle {
                 .gains
                 .as_ref()
                 .filter(|_| config.jacobian == JacobianKind::Exact)
-                .map(|gains| Gains::new(gains, coils)),
+                .map(|gains| Gains::new(gains, coils, magnets)),
             allocation: Allocation::new(config, description, rows),
             magnets,
             coils,
