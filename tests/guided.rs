@@ -64,6 +64,27 @@ fn apart(a: &Directions, b: &Directions) -> f64 {
     pairs.map(|(a, b)| angle_between(&Vector3::from(*a), &Vector3::from(*b))).fold(0.0, f64::max)
 }
 
+/// Turns directions as the magnets of `stance` are turned back to its model.
+fn turn_back(directions: &mut Directions, stance: &Stance) {
+    let pairs = directions.iter_mut().zip(&stance.measured).zip(&stance.predicted).take(2);
+    for ((direction, measured), predicted) in pairs {
+        let [measured, predicted] = [measured, predicted].map(|all| Vector3::from(*all));
+        let back = Rotation3::rotation_between(&measured, &predicted).expect("some degrees");
+        *direction = (back * Vector3::from(*direction)).into();
+    }
+}
+
+/// The first leg of a way to rest from `stance`; every way to the target is refused.
+fn homeward(guide: &mut Guide, stance: &Stance, rest: &Directions) -> Leg {
+    loop {
+        let next = leg(guide.order(stance));
+        if !next.is_last && apart(&next.waypoint.directions, rest) < 5.0_f64.to_radians() {
+            return next;
+        }
+        guide.tell(Told::Refused);
+    }
+}
+
 /// Goal: the loop with its real controller on the plant with its errors settles at every target, one after another, and the rod never
 /// snaps on the way.
 #[test]
@@ -119,13 +140,14 @@ fn ways_are_planned_for_magnets_as_far_beside_the_model_as_they_are() {
     assert_eq!(last.waypoint.frame_angles, corrected);
 }
 
-/// Goal: at a waypoint on the way the magnets are asked to where they will be when the model is where it was planned.
+/// Goal: at a waypoint on the way the magnets are asked to where they will be when the model is where it was planned; at rest, where they
+/// are beside it by as much, to where that leaves no currents.
 #[test]
 fn waypoints_are_asked_for_as_far_beside_the_model_as_the_magnets_are() {
     let (_, planner, _) = rig();
     let rest = planner.rest().posture.directions;
     let off = beside(at_rest(), [1.0, 2.0, -3.0]);
-    let mut by_way = 0;
+    let mut by_way = [0; 2];
     // One magnet moves before the other hardly ever where both turn little.
     for target in draw_targets(&rest, 2, 60.0_f64.to_radians(), 20, 7) {
         let mut guide = Guide::new(planner.clone());
@@ -133,19 +155,34 @@ fn waypoints_are_asked_for_as_far_beside_the_model_as_the_magnets_are() {
         while let Ok(Some(Order::Steer(asked))) = guide.order(&at_rest()) {
             // The way is planned: the same leg, for magnets beside the model.
             let mut seen = leg(guide.clone().order(&off)).waypoint.directions;
-            let is_by_way = !asked.is_last && asked.waypoint.directions != rest;
-            by_way += usize::from(is_by_way);
-            let pairs = seen.iter_mut().zip(&off.measured).zip(&off.predicted).take(2);
-            for ((seen, measured), predicted) in pairs.filter(|_| is_by_way) {
-                let [measured, predicted] = [measured, predicted].map(|all| Vector3::from(*all));
-                let back = Rotation3::rotation_between(&measured, &predicted).expect("some degrees");
-                *seen = (back * Vector3::from(*seen)).into();
+            by_way[usize::from(asked.waypoint.directions == rest)] += usize::from(!asked.is_last);
+            if !asked.is_last {
+                turn_back(&mut seen, &off);
             }
             assert!(apart(&seen, &asked.waypoint.directions) < 1e-6);
             guide.tell(Told::Arrived);
         }
     }
-    assert!(by_way > 0, "or nothing is seen of it");
+    assert!(by_way.iter().all(|count| *count > 0), "or nothing is seen of it: {by_way:?}");
+}
+
+/// Goal: from a posture that bends them elsewhere the magnets are asked home to where they were seen to rest, not to where the model rests, nor
+/// as far beside it as they are where they set out.
+#[test]
+fn magnets_are_asked_home_to_where_they_rested() {
+    let (_, planner, targets) = rig();
+    let rest = planner.rest().posture.directions;
+    let sagging = beside(at_rest(), [1.0, 2.0, -3.0]);
+    let posture = planner.from_rest(&targets[0]).expect("within 30 deg").posture;
+    let bent = beside(stance(&posture), [0.0, -4.0, 0.0]);
+    let mut guide = Guide::new(planner.clone());
+    guide.set_out(&targets[0]);
+    let _ = leg(guide.order(&sagging));
+    guide.set_out(&targets[1]);
+    let mut home = homeward(&mut guide, &bent, &rest).waypoint.directions;
+    assert!(apart(&home, &rest) > 1.0_f64.to_radians());
+    turn_back(&mut home, &sagging);
+    assert!(apart(&home, &rest) < 1e-6);
 }
 
 /// Goal: after a refusal the frames are to end elsewhere, after two the way begins at rest, and what does not end is given up.
@@ -232,18 +269,10 @@ fn a_way_to_rest_that_is_refused_is_gone_again_by_way_of_where_the_bias_takes_th
     let bent = beside(stance(&posture), [0.0, 4.0, 0.0]);
     let mut guide = Guide::new(planner.clone());
     guide.set_out(&targets[1]);
-    // The first leg that does not lead to the target; every way there is refused.
-    let homeward = |guide: &mut Guide| loop {
-        let next = leg(guide.order(&bent));
-        if !next.is_last && apart(&next.waypoint.directions, &rest) < 5.0_f64.to_radians() {
-            return next;
-        }
-        guide.tell(Told::Refused);
-    };
-    let straight = homeward(&mut guide);
-    assert_eq!(straight.waypoint.directions, rest);
+    let straight = homeward(&mut guide, &bent, &rest);
+    assert_eq!(straight.waypoint.directions, rest, "where they rest was never seen");
     guide.tell(Told::Refused);
-    let first = homeward(&mut guide);
+    let first = homeward(&mut guide, &bent, &rest);
     let off = apart(&first.waypoint.directions, &rest).to_degrees();
     assert!((off - 4.0).abs() < 0.5, "{off} deg");
     assert_eq!(first.waypoint.frame_angles, straight.waypoint.frame_angles);

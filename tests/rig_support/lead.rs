@@ -38,7 +38,7 @@ pub struct Lead<'a> {
     pub released: usize,
     /// How often the loop stopped by itself.
     pub stopped: usize,
-    /// Legs and releases on which a magnet turned as fast as no leg asks for.
+    /// Legs on which a magnet turned as fast as no leg asks for while the loop steered it: a rod whose currents are let go swings home.
     pub snapped: usize,
     /// Longest time that the guide took for an order, s.
     pub slowest_order: f64,
@@ -132,7 +132,8 @@ impl<'a> Lead<'a> {
         let _ = self.bench.lockstep.run(most, |record, rig| {
             let tangent = tangents(&rig.plant().truth());
             for (before, now) in before.iter().flatten().zip(&tangent).take(MAGNETS) {
-                speed = speed.max(angle_between(&Vector3::from(*before), &Vector3::from(*now)) / period);
+                let turned = angle_between(&Vector3::from(*before), &Vector3::from(*now));
+                speed = if is_steering(record.decision.state) { speed.max(turned / period) } else { speed };
             }
             before = Some(tangent);
             let (Some(leg), Some(judge)) = (leg, &mut judge) else { return ControlFlow::Continue(()) };
@@ -184,7 +185,11 @@ fn started(setup: &Setup) -> Bench {
 }
 
 fn steers(bench: &Bench) -> bool {
-    matches!(bench.lockstep.control_loop().state().code(), state::ACTIVE | state::HOLDING)
+    is_steering(bench.lockstep.control_loop().state().code())
+}
+
+fn is_steering(code: u32) -> bool {
+    matches!(code, state::ACTIVE | state::HOLDING)
 }
 
 fn stance(record: &CycleRecord) -> Stance {

@@ -10,11 +10,12 @@
 //! The model is asked for directions by which the magnets, bent as much farther than the model as they are now, point at the target, and at
 //! the waypoints before it the magnets are asked to where they will be when the model is there. A way that was refused, or that ended
 //! beside its target, is not tried again: the next one ends with the frames elsewhere. A way that leads by way of rest is planned anew at
-//! rest, which everything after two ways in vain is, too. At rest, without loads, the magnets are asked to where the model is; where that
-//! is refused from a posture that bends them far beside the model, they go first to where that takes them from rest, and from there to
-//! rest. Where that is in vain too, the next way home ends with the frames elsewhere. A loop that holds near a snap-through is sent back
-//! at once to where its leg began, before anything is planned. Where the planner's model does not find the loop's equilibrium, or no way
-//! leads from there to rest, the currents are let go, which is the last resort: a rod whose currents fall all at once may snap on its way.
+//! rest, which everything after two ways in vain is, too. At rest, without loads, the magnets are asked to where they rest: as far beside
+//! the model as they were when they were near rest last. Where that is refused from a posture that bends them far beside the model, they go
+//! first to where that takes them from rest, and from there to rest. Where that is in vain too, the next way home ends with the frames
+//! elsewhere. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the
+//! planner's model does not find the loop's equilibrium, or no way leads from there to rest, the currents are let go, which is the last
+//! resort: a rod whose currents fall all at once may snap on its way.
 //!
 //! What is absent: a loop, a clock, a channel. Whoever steers carries out [`Order`]s and tells what became of them ([`Told`]).
 
@@ -37,6 +38,9 @@ const WAYS_BEFORE_REST: u32 = 2;
 const HOMEWARD_MAX: u32 = 4;
 /// Greatest angle between a waypoint and the reference, and of a frame to its goal, of a loop that has arrived, rad.
 const ARRIVED_WITHIN: f64 = 0.05_f64.to_radians();
+
+/// Greatest angle of the model's magnets to where they rest at which the rod is beside the model by as much as it is at rest, rad.
+const NEAR_REST: f64 = 5.0_f64.to_radians();
 
 /// Where a loop stands, by its own word, its magnets at rest.
 #[derive(Debug, Clone, Copy)]
@@ -166,6 +170,8 @@ pub struct Guide {
     is_at_rest: bool,
     /// True while the magnets are at rest, or beside it by no more than what the model's bias was when they set out.
     is_unbent: bool,
+    /// Tangents that the loop's model predicted, and that were measured, when its magnets were near rest last.
+    resting: Option<(Directions, Directions)>,
     is_there: bool,
 }
 
@@ -191,6 +197,7 @@ impl Guide {
             must_release: false,
             is_at_rest: false,
             is_unbent: false,
+            resting: None,
             is_there: true,
         }
     }
@@ -212,6 +219,10 @@ impl Guide {
         if self.is_there {
             return Ok(None);
         }
+        let rest = self.planner.rest().posture.directions;
+        if are_within(&stance.predicted, &rest, NEAR_REST) {
+            self.resting = Some((stance.predicted, stance.measured));
+        }
         if self.legs.is_empty() && !self.must_release {
             self.plan(stance)?;
         }
@@ -220,9 +231,11 @@ impl Guide {
         let directions = match self.heading {
             Heading::Target if is_last => self.target,
             Heading::Back => waypoint.directions,
-            // Hardly any load is left there to bend the magnets beside the model, whatever they do here.
+            // Without loads the magnets are beside the model by their sag alone. To hold them elsewhere takes currents, and great ones
+            // where frames on their way pass settings at which the coils have little authority.
             Heading::Target | Heading::Rest if self.leads_to_rest() && !self.leads_beside_rest() => {
-                waypoint.directions
+                let resting = self.resting.as_ref();
+                resting.map_or(rest, |(predicted, measured)| turned(&rest, predicted, measured))
             }
             Heading::Target | Heading::Rest => {
                 turned(&waypoint.directions, &stance.predicted, &stance.measured)
@@ -337,6 +350,12 @@ impl Guide {
         let to = |target: &Directions| self.planner.plan_avoiding(standing, target, &self.avoided);
         to(&turned(&self.target, &stance.measured, &stance.predicted)).or_else(|_| to(&self.target))
     }
+}
+
+/// True where no direction is farther from the other than `most`, rad; what is no direction has no angle.
+fn are_within(directions: &Directions, others: &Directions, most: f64) -> bool {
+    let mut pairs = directions.iter().zip(others);
+    pairs.all(|(one, other)| angle_between(&Vector3::from(*one), &Vector3::from(*other)) <= most)
 }
 
 /// `directions`, each turned as the shortest way leads from its direction in `from` to that in `to`.
