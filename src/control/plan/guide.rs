@@ -38,7 +38,6 @@ const WAYS_BEFORE_REST: u32 = 2;
 const HOMEWARD_MAX: u32 = 4;
 /// Greatest angle between a waypoint and the reference, and of a frame to its goal, of a loop that has arrived, rad.
 const ARRIVED_WITHIN: f64 = 0.05_f64.to_radians();
-
 /// Greatest angle of the model's magnets to where they rest at which the rod is beside the model by as much as it is at rest, rad.
 const NEAR_REST: f64 = 5.0_f64.to_radians();
 
