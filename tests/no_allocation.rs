@@ -11,8 +11,8 @@ use std::time::Duration;
 use counting_allocator::allocations_in;
 use magsteer::control::{CycleInput, CycleOutcome, FrameUse, ReferenceTarget, Step};
 use magsteer::daemon::{
-    ControlLoop, CycleRecord, CycleTiming, DaemonConfig, LoopOptions, MinuteStatistics, Request, Statistics,
-    StopWatch, Tick, Verb,
+    ControlLoop, CycleRecord, CycleTiming, DaemonConfig, Directive, LoopOptions, MinuteStatistics, Request,
+    Statistics, StopWatch, Tick, Verb,
 };
 use magsteer_hal::channels::{DaemonServices, DriverEnd, PrivateRoot};
 use magsteer_hal::operator::state;
@@ -30,6 +30,7 @@ const UP: [f64; 3] = [0.0, 0.0, 1.0];
 struct Scripted {
     current: f64,
     converged: bool,
+    margin: f64,
 }
 
 impl Step for Scripted {
@@ -40,7 +41,7 @@ impl Step for Scripted {
         }
         let mut outcome =
             CycleOutcome { desired: input.target.directions, ..CycleOutcome::asking_for(request) };
-        outcome.model.converged = self.converged;
+        (outcome.model.converged, outcome.model.margin) = (self.converged, self.margin);
         outcome
     }
 }
@@ -51,13 +52,14 @@ fn daemon_config() -> DaemonConfig {
     table["daemon"].clone().try_into().expect("shipped")
 }
 
-/// A verb now and then, so that the loop is armed, steered, held, stopped and reset again and again.
+/// A verb now and then, so that the loop is armed, steered, held, sent back, stopped and reset again and again.
 fn some_verb(random: &mut rand_chacha::ChaCha8Rng) -> Option<Verb> {
     let verbs = [
         Verb::Arm,
         Verb::Go,
         Verb::Go,
         Verb::Hold,
+        Verb::Retreat,
         Verb::Reset,
         Verb::Stop,
         Verb::SetTarget([UP; 8].into()),
@@ -87,12 +89,12 @@ fn cycles_with_faults_and_rearming_allocate_nothing() {
     let description = example_description();
     let config = daemon_config();
     let hardware = EchoHardware::new(&description);
-    let controller = Scripted { current: 1.0, converged: true };
+    let controller = Scripted { current: 1.0, converged: true, margin: 1.0 };
     let mut control_loop =
         ControlLoop::new(hardware, controller, &description, &config, LoopOptions::default());
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(11);
     let mut tick = Tick::first(Stamp::from_nanoseconds(1_000_000_000));
-    let mut visited = Visited::default();
+    let (mut visited, mut went_back) = (Visited::default(), 0);
     for cycle in 0..CYCLES {
         disturb(&mut random, &mut control_loop);
         if let Some(verb) = some_verb(&mut random) {
@@ -103,8 +105,10 @@ fn cycles_with_faults_and_rearming_allocate_nothing() {
         let (record, allocations) = allocations_in(|| control_loop.cycle(tick));
         assert_eq!(allocations, 0, "cycle {cycle}: {record:?}");
         visited.note(&record);
+        went_back += u32::from(record.decision.directive == Directive::Retreat);
     }
     assert!(visited.everywhere(), "the seed must lead through every state: {visited:?}");
+    assert!(went_back > 0, "nor may a retreat be missing");
 }
 
 /// Goal: neither counting nor the turn of a minute nor reading the clock at the end of each phase allocates.
@@ -112,7 +116,7 @@ fn cycles_with_faults_and_rearming_allocate_nothing() {
 fn timing_a_cycle_allocates_nothing_not_even_at_the_turn_of_a_minute() {
     let description = example_description();
     let config = daemon_config();
-    let controller = Scripted { current: 1.0, converged: true };
+    let controller = Scripted { current: 1.0, converged: true, margin: 1.0 };
     let hardware = EchoHardware::new(&description);
     let mut control_loop =
         ControlLoop::new(hardware, controller, &description, &config, LoopOptions::default());
@@ -146,10 +150,13 @@ fn disturb(random: &mut rand_chacha::ChaCha8Rng, control_loop: &mut ControlLoop<
         }
     }
     if random.random_bool(0.01) {
+        control_loop.controller_mut().margin = 0.05;
+    }
+    if random.random_bool(0.01) {
         control_loop.hardware_mut().set_silent(false);
         control_loop.hardware_mut().set_fault(0);
         *control_loop.controller_mut() =
-            Scripted { current: random.random_range(-8.0..8.0), converged: true };
+            Scripted { current: random.random_range(-8.0..8.0), converged: true, margin: 1.0 };
     }
 }
 
@@ -284,7 +291,7 @@ fn over_shared_memory_a_cycle_allocates_once_for_a_message_sent() {
     let mut config = daemon_config();
     (config.command_validity_ms, config.pose_hold_ms, config.pose_stop_ms) = (1e3, 3e3, 6e3);
     (config.feedback_stop_ms, config.overrun_window_ms) = (5e3, 1e4);
-    let controller = Scripted { current: 1.0, converged: true };
+    let controller = Scripted { current: 1.0, converged: true, margin: 1.0 };
     let mut control_loop =
         ControlLoop::new(hardware, controller, &description, &config, LoopOptions::default());
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(13);

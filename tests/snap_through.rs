@@ -85,8 +85,13 @@ fn standing(setup: &Setup) -> Bench {
 
 /// Sets a target and watches.
 fn pass(bench: &mut Bench, target_deg: [f64; 2], seconds: f64) -> Passed {
+    watch(bench, Verb::SetTarget(planar(target_deg).into()), target_deg, seconds)
+}
+
+/// Asks for something and watches; errors are from the target.
+fn watch(bench: &mut Bench, verb: Verb, target_deg: [f64; 2], seconds: f64) -> Passed {
     let target = planar(target_deg);
-    bench.request(Verb::SetTarget(target.into()));
+    bench.request(verb);
     let mut passed = Passed { margin_min: f64::INFINITY, ..Passed::default() };
     let mut window: VecDeque<[[[f64; 3]; 2]; 2]> = VecDeque::new();
     let mut begin: Option<([[f64; 3]; 2], CycleRecord)> = None;
@@ -188,6 +193,31 @@ fn watch_over_the_margin_keeps_the_rod_on_its_branch() {
     let kept = pass(&mut bench, [75.0, 80.0], 2.0);
     println!("and back: {kept:?}");
     assert!(kept.error_deg < 1.0 && kept.state == state::ACTIVE, "{kept:?}");
+}
+
+/// Goal: held near its snap-through, the rod goes back along the way that it came without another jump, until the margin is no longer warned of,
+/// and is kept there.
+///
+/// Proves SR-25.
+#[test]
+fn held_rod_goes_back_along_its_way_until_the_margin_is_wide_again() {
+    let mut setup = setup(false, true);
+    setup.plant.errors.modulus_relative = 0.10;
+    let mut bench = standing(&setup);
+    let held = pass(&mut bench, BEYOND_DEG, 2.0);
+    assert_eq!((held.state, held.cause), (state::HOLDING, Some(Cause::NearSnapThrough)));
+    let kept = watch(&mut bench, Verb::Go, BEFORE_DEG, 0.2);
+    assert!(kept.state == state::HOLDING && kept.current_change_a == 0.0, "a go is not enough: {kept:?}");
+    let back = watch(&mut bench, Verb::Retreat, BEFORE_DEG, 1.0);
+    println!("back: {back:?}");
+    assert_eq!((back.state, back.cause), (state::ACTIVE, None));
+    assert!(back.jump_deg < 0.5 * JUMP_DEG && back.moved_deg > 1.0, "{back:?}");
+    assert!(back.error_deg < kept.error_deg - 1.0, "towards where it came from: {back:?}");
+    let there = watch(&mut bench, Verb::Go, BEFORE_DEG, 1.0);
+    println!("there: {there:?}");
+    assert!(there.moved_deg < 2.0 && there.given_up.is_none() && there.state == state::ACTIVE, "{there:?}");
+    let on = pass(&mut bench, [75.0, 80.0], 2.0);
+    assert!(on.error_deg < 1.0 && on.state == state::ACTIVE, "{on:?}");
 }
 
 /// Goal: no false alarm: through the shipped experiment nothing is refused, warned of or held, whatever the

@@ -28,6 +28,8 @@ pub mod verb {
     pub const SET_TARGET: u32 = 7;
     /// Write the last seconds of every cycle to a file.
     pub const SAVE: u32 = 8;
+    /// From a hold close to a snap-through go back along the way that led there, until it is far enough.
+    pub const RETREAT: u32 = 9;
 
     /// The word a person reads for a verb.
     #[must_use]
@@ -41,6 +43,7 @@ pub mod verb {
             ESTOP => "estop",
             SET_TARGET => "set-target",
             SAVE => "save",
+            RETREAT => "retreat",
             _ => "unknown",
         }
     }

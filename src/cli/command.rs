@@ -97,6 +97,8 @@ pub enum Command {
     Go(RequestArgs),
     /// Keep steering to where the reference is now.
     Hold(RequestArgs),
+    /// From a hold close to a snap-through, go back along the way that led there, until it is far enough.
+    Retreat(RequestArgs),
     /// Ramp all currents to zero and give up authority.
     Stop(RequestArgs),
     /// Clear a latched fault whose cause is gone.
@@ -151,6 +153,7 @@ impl Command {
             Self::Arm(request) => request.run(verb::ARM),
             Self::Go(request) => request.run(verb::GO),
             Self::Hold(request) => request.run(verb::HOLD),
+            Self::Retreat(request) => request.run(verb::RETREAT),
             Self::Stop(request) => request.run(verb::STOP),
             Self::Reset(request) => request.run(verb::RESET),
             Self::Estop(request) => request.run(verb::ESTOP),

@@ -1,4 +1,4 @@
-//! `magsteer arm`, `go`, `hold`, `stop`, `reset`, `estop`: one request to the daemon and its answer.
+//! `magsteer arm`, `go`, `hold`, `retreat`, `stop`, `reset`, `estop`: one request to the daemon and its answer.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -27,6 +27,7 @@ use super::phases::{Phase, PhaseTimes, PhaseWatch, Untimed};
 use super::receipt::Receipts;
 use super::state::{Directive, Request, State};
 use super::supervisor::{Decision, Supervisor};
+use super::trail::Trail;
 use super::trust::{self, Astray};
 use super::watch::{DriverView, Observation};
 use crate::control::{CycleInput, CycleOutcome, Directions, ReferenceTarget, Step};
@@ -62,6 +63,7 @@ pub struct ControlLoop<H, S> {
     target: Option<ReferenceTarget>,
     reference: Directions,
     frozen: Directions,
+    trail: Trail,
     previous_now: Option<Stamp>,
     receipts: Receipts,
     /// Exposure of the poses of the previous cycle.
@@ -111,6 +113,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             target: None,
             reference: Directions::default(),
             frozen: Directions::default(),
+            trail: Trail::new(),
             previous_now: None,
             receipts: Receipts::new(),
             pose_before: None,
@@ -134,8 +137,8 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         let seen = self.observe(&tick, &sensed, &outcome);
         let request = self.request.take();
         let decision = self.supervisor.step(&seen, request);
-        self.follow_wishes(&decision, &outcome);
         let (command, limited) = self.admit(&decision, &input, &outcome);
+        self.follow_wishes(&decision, &input, &outcome);
         watch.ended(Phase::Decide);
         self.write_failed = command.is_some_and(|command| self.hardware.write(&command, tick.now).is_err());
         watch.ended(Phase::Write);
@@ -229,6 +232,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
             verdict: outcome.verdict,
             request_finite: self.rig.is_finite(&outcome.request),
             write_failed: self.write_failed,
+            trail_ended: self.trail.is_at_its_begin(),
             commanded_zero: self.gate.is_at_zero(),
             sample: self.sample(sensed, outcome),
         }
@@ -255,7 +259,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
     }
 
     /// Takes over targets or gives them up, and freezes the reference when the operator's hold begins.
-    fn follow_wishes(&mut self, decision: &Decision, outcome: &CycleOutcome) {
+    fn follow_wishes(&mut self, decision: &Decision, input: &CycleInput, outcome: &CycleOutcome) {
         match decision.given_up {
             // The reference stays; where the frames were to go is given up with it.
             Some(Cause::NearSnapThrough) => self.target = Some(self.reference.into()),
@@ -265,15 +269,26 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
         if decision.target.is_some() {
             self.target = decision.target;
         }
-        if decision.directive == Directive::Follow {
-            self.reference = outcome.desired;
+        match decision.directive {
+            Directive::Follow => {
+                self.reference = outcome.desired;
+                self.trail.lead_on(self.gate.previous(), input.period);
+            }
+            Directive::Begin => {
+                // Without a target the loop keeps the rod where it was found.
+                self.reference = outcome.measured;
+                self.target.get_or_insert(outcome.measured.into());
+                self.trail.begin(self.gate.previous());
+            }
+            Directive::Retreat => {
+                // Where it ends, the rod is kept.
+                self.reference = outcome.desired;
+                let frame_angles = Some(self.gate.previous().angle_rad);
+                self.target = Some(ReferenceTarget { directions: outcome.desired, frame_angles });
+            }
+            _ => {}
         }
-        if decision.directive == Directive::Begin {
-            // Without a target the loop keeps the rod where it was found.
-            self.reference = outcome.measured;
-            self.target.get_or_insert(outcome.measured.into());
-        }
-        if decision.froze {
+        if decision.froze || decision.directive == Directive::Retreat {
             self.frozen = self.reference;
         }
     }
@@ -303,6 +318,7 @@ impl<H: Hardware, S: Step> ControlLoop<H, S> {
                 *self.gate.previous()
             }
             Directive::Hold => *self.gate.previous(),
+            Directive::Retreat => self.trail.back(self.gate.previous(), input.period),
             Directive::Follow => outcome.request,
         };
         // Nothing but following is computed from the poses.

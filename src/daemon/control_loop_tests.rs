@@ -17,7 +17,7 @@ use super::control_loop::{ControlLoop, LoopOptions};
 use super::cycle_record::CycleRecord;
 use super::state::{Request, Verb};
 use crate::control::plan::Obstacle;
-use crate::control::{CycleInput, CycleOutcome, Directions, Step, Verdict};
+use crate::control::{CycleInput, CycleOutcome, Directions, ReferenceTarget, Step, Verdict};
 
 const PERIOD: Duration = Duration::from_millis(1);
 const UP: [f64; 3] = [0.0, 0.0, 1.0];
@@ -260,6 +260,56 @@ fn a_hold_freezes_the_reference_of_its_moment_until_go() {
     assert!(record.input.engaged, "held in closed loop");
     bench.ask(Verb::Go).expect("holding");
     assert_eq!(bench.cycle().input.target, [UP; 8].into(), "back to the target as set");
+}
+
+/// Goal: a retreat sends what was sent on the way there, backwards, and ends where it was told to with the loop keeping what it came to.
+///
+/// Proves SR-25.
+#[test]
+fn a_retreat_goes_back_over_what_was_admitted_and_keeps_the_rod_there() {
+    let mut bench = Bench::active();
+    // There by a detour: the second coil first, then the first one.
+    let mut way = Vec::new();
+    for corner in [[0.0, 2.0], [3.0, 2.0]] {
+        bench.controller().request.current_a[..2].copy_from_slice(&corner);
+        way.extend(bench.cycles(300).into_iter().map(|record| record.admitted));
+    }
+    bench.controller().margin = 0.05;
+    bench.cycles(3);
+    let aside = [[0.6, 0.0, 0.8]; 8];
+    bench.controller().desired = aside;
+    bench.ask(Verb::Retreat).expect("held");
+    let mut back = bench.cycles(20);
+    while back[back.len() - 1].decision.cause == Some(Cause::Retreating) {
+        assert!(back.len() < 2_000, "comes to the end of what is remembered");
+        back.push(bench.cycle());
+    }
+    for record in &back {
+        let apart = |admitted: &Actuation| {
+            let pairs = record.admitted.current_a.iter().zip(&admitted.current_a);
+            pairs.map(|(one, other)| (one - other).abs()).fold(0.0, f64::max)
+        };
+        let beside = way.iter().map(apart).fold(f64::INFINITY, f64::min);
+        assert!(beside < 0.2, "{beside} A beside the way: {:?}", record.admitted);
+        assert!(!record.input.engaged);
+    }
+    let last = back[back.len() - 1];
+    assert!(largest(&last.admitted) < 1e-9, "where this activity began");
+    assert_eq!((last.decision.state, last.decision.cause), (state::HOLDING, Some(Cause::NearSnapThrough)));
+    // Once more, and far enough on the way.
+    bench.controller().margin = 1.0;
+    bench.cycle();
+    bench.ask(Verb::SetTarget([UP; 8].into())).expect("unit vectors");
+    bench.cycles(300);
+    bench.controller().margin = 0.05;
+    bench.cycles(3);
+    bench.ask(Verb::Retreat).expect("held");
+    bench.cycles(20);
+    bench.controller().margin = 1.0;
+    let record = bench.cycles(3)[2];
+    assert_eq!((record.decision.state, record.decision.cause), (state::ACTIVE, None));
+    let kept = ReferenceTarget { directions: aside, frame_angles: Some(record.admitted.angle_rad) };
+    assert_eq!(record.input.target, kept);
 }
 
 #[test]

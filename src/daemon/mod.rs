@@ -5,6 +5,7 @@
 //! | file | does |
 //! |---|---|
 //! | `control_loop` | one cycle: read, step, supervise, gate, write, record |
+//! | `trail` | the way that the actuation came, for a retreat along it |
 //! | `cycle_record` | what is known of a cycle when it has ended |
 //! | `wire`, `record_feed` | the same as it is published, in batches, for whoever records |
 //! | `companion` | the process that records a run, as the daemon's child |
@@ -76,6 +77,7 @@ mod target_rules;
 mod telemetry;
 pub mod threads;
 mod timing_summary;
+mod trail;
 mod trust;
 pub mod view;
 mod watch;

@@ -46,6 +46,7 @@ pub fn verb_of(request: &OperatorRequest, rig: RigCounts) -> Result<Verb, Cause>
         verb::ARM => Ok(Verb::Arm),
         verb::GO => Ok(Verb::Go),
         verb::HOLD => Ok(Verb::Hold),
+        verb::RETREAT => Ok(Verb::Retreat),
         verb::STOP => Ok(Verb::Stop),
         verb::RESET => Ok(Verb::Reset),
         verb::ESTOP => Ok(Verb::EmergencyStop),

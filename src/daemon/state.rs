@@ -19,6 +19,9 @@
 //! What a trip does on the way to zero is configuration: ramp, hold the currents for a while and ramp then, or cut the
 //! amplifiers. A stop that an operator asked for ramps.
 //!
+//! Near a snap-through the loop holds until another target is set, or until it has gone back, when that is asked for, along the way
+//! that it came.
+//!
 //! Rules: nothing resumes by itself after a stop; a trip is latched before anyone is told; a worse cause
 //! replaces a milder one within an episode, never the other way round.
 
@@ -54,8 +57,8 @@ pub enum State {
         by_operator: bool,
         /// True while poses are older than the hold limit.
         sensing_lost: bool,
-        /// True from when the margin of stability fell below what is allowed until another target is set.
-        near_snap: bool,
+        /// Whether a snap-through is near, and what is done about it.
+        near_snap: NearSnap,
     },
     /// On the way to zero, as `safe_action` has it; ends on measured current.
     SafeStop {
@@ -91,7 +94,7 @@ impl State {
     /// True where the controller closes the loop.
     #[must_use]
     pub const fn is_engaged(&self) -> bool {
-        matches!(self, Self::Active | Self::Holding { sensing_lost: false, near_snap: false, .. })
+        matches!(self, Self::Active | Self::Holding { sensing_lost: false, near_snap: NearSnap::No, .. })
     }
 
     /// True where losing the driver is a trip.
@@ -99,6 +102,17 @@ impl State {
     pub const fn holds_authority(&self) -> bool {
         matches!(self, Self::Armed | Self::Active | Self::Holding { .. })
     }
+}
+
+/// What a snap-through nearby makes of a hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NearSnap {
+    /// There is none.
+    No,
+    /// The margin of stability fell below what is allowed: the currents are kept until another target is set, or a retreat asked for.
+    Kept,
+    /// The actuation goes back along the way it came, until the margin is one that nobody is warned of.
+    Retreating,
 }
 
 /// What an operator asks of the loop.
@@ -110,6 +124,8 @@ pub enum Verb {
     Go,
     /// Hold the present reference.
     Hold,
+    /// Go back along the way that led near a snap-through.
+    Retreat,
     /// Ramp to zero, then idle.
     Stop,
     /// As `Stop`, because the process is to end: no arming afterwards.
@@ -186,6 +202,8 @@ pub enum Directive {
     Follow,
     /// The currents and angles admitted last.
     Hold,
+    /// Those admitted before, the newest first.
+    Retreat,
     /// Towards zero within slew.
     RampDown,
     /// Give up authority.

@@ -21,7 +21,7 @@ use super::causes::{Response, holds_currents, response};
 use super::config::{DaemonConfig, Mode, SafeAction};
 use super::monitors::MonitorReport;
 use super::passive::Judgements;
-use super::state::{ANSWERS_MAX, Answer, Answers, Directive, Request, State, Transition, Verb};
+use super::state::{ANSWERS_MAX, Answer, Answers, Directive, NearSnap, Request, State, Transition, Verb};
 use super::target_rules::TargetRules;
 use super::watch::{DriverView, Observation, Watch};
 
@@ -147,6 +147,7 @@ impl Supervisor {
             None => {}
         }
         self.end_stream(seen.now);
+        self.end_retreat(seen);
         self.progress(seen, &mut answers);
         self.forget_authority(seen);
         let decision = self.decision(&before, seen, &answers);
@@ -172,7 +173,7 @@ impl Supervisor {
         self.cause = given_up.or(self.cause);
         if near_snap {
             let by_operator = matches!(self.state, State::Holding { by_operator: true, .. });
-            self.enter_holding(by_operator, false, true);
+            self.enter_holding(by_operator, false, NearSnap::Kept);
         }
         given_up
     }
@@ -202,11 +203,11 @@ impl Supervisor {
         }
         self.stream_until = None;
         let (sensing_lost, near_snap) = match self.state {
-            State::Active => (false, false),
+            State::Active => (false, NearSnap::No),
             State::Holding { by_operator: false, sensing_lost, near_snap } => (sensing_lost, near_snap),
             _ => return,
         };
-        if !near_snap {
+        if near_snap == NearSnap::No {
             self.cause = Some(Cause::StreamEnded);
         }
         self.enter_holding(true, sensing_lost, near_snap);
@@ -220,7 +221,21 @@ impl Supervisor {
             self.cause = self.cause.filter(|cause| response(*cause) != Response::Refuse);
         }
         if let State::Holding { by_operator, sensing_lost, .. } = self.state {
-            self.enter_holding(by_operator, sensing_lost, false);
+            self.enter_holding(by_operator, sensing_lost, NearSnap::No);
+        }
+    }
+
+    /// Ends a retreat where the margin is no longer to be warned of, and where there is nothing left to go back along.
+    fn end_retreat(&mut self, seen: &Observation) {
+        let State::Holding { by_operator, sensing_lost: false, near_snap: NearSnap::Retreating } = self.state
+        else {
+            return;
+        };
+        if seen.model_converged && !self.watch.warns_of_stability() {
+            self.set_out(seen);
+        } else if seen.trail_ended {
+            self.cause = Some(Cause::NearSnapThrough);
+            self.enter_holding(by_operator, false, NearSnap::Kept);
         }
     }
 
@@ -274,6 +289,7 @@ impl Supervisor {
             State::Arming { .. } => Directive::Claim,
             State::Armed => Directive::Rest,
             State::Active | State::Holding { .. } if *before == State::Armed => Directive::Begin,
+            State::Holding { sensing_lost: false, near_snap: NearSnap::Retreating, .. } => Directive::Retreat,
             state if state.is_engaged() && before.is_engaged() => Directive::Follow,
             // Without sensing, near a snap-through, and in the cycle after, whose request was made without steering.
             State::Active | State::Holding { .. } => Directive::Hold,
@@ -317,10 +333,10 @@ impl Supervisor {
         match self.state {
             State::Boot if self.watch.forbids_leaving_boot(seen).is_none() => self.enter_idle(seen.now),
             State::Arming { since, request_id } => self.await_claim(since, request_id, seen, answers),
-            State::Active if self.sensing_lost(seen) => self.enter_holding(false, true, false),
+            State::Active if self.sensing_lost(seen) => self.enter_holding(false, true, NearSnap::No),
             State::Holding { by_operator, near_snap, .. } => {
                 match (by_operator, self.sensing_lost(seen), near_snap) {
-                    (false, false, false) => self.enter_active(),
+                    (false, false, NearSnap::No) => self.enter_active(),
                     (_, sensing_lost, _) => self.enter_holding(by_operator, sensing_lost, near_snap),
                 }
             }
@@ -399,7 +415,7 @@ impl Supervisor {
         self.state = State::Active;
     }
 
-    fn enter_holding(&mut self, by_operator: bool, sensing_lost: bool, near_snap: bool) {
+    fn enter_holding(&mut self, by_operator: bool, sensing_lost: bool, near_snap: NearSnap) {
         self.state = State::Holding { by_operator, sensing_lost, near_snap };
     }
 

@@ -69,6 +69,8 @@ pub struct Observation {
     pub request_finite: bool,
     /// True when the previous command could not be sent.
     pub write_failed: bool,
+    /// True when there is nothing left to go back along.
+    pub trail_ended: bool,
     /// True when every current commanded last is zero.
     pub commanded_zero: bool,
     /// For the monitors.
@@ -358,6 +360,7 @@ impl Watch {
             | Cause::TargetCrossesSnapThrough
             | Cause::TargetOutsideField
             | Cause::NearSnapThrough
+            | Cause::Retreating
             | Cause::OperatorStop
             | Cause::StreamEnded
             | Cause::Terminated => false,

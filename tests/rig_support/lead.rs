@@ -19,10 +19,14 @@ const MAGNETS: usize = 2;
 const PASS: f64 = 0.5;
 /// Time at a target after the reference has arrived, s.
 const STAY: f64 = 2.0;
+/// Time until a request shows, s: the first cycle takes it.
+const BEGUN: f64 = 0.003;
 /// Longest time of a leg, s: frames turn half a turn in four.
 const LEG_MAX: f64 = 15.0;
 /// Time for the currents to go and the rod to rest, s.
 const RELEASE: f64 = 3.0;
+/// Longest time of a retreat, s: what the loop remembers of its way.
+const RETREAT_MAX: f64 = 25.0;
 /// Speed of a magnet that no leg asks for, rad/s: the rod has snapped, or shakes.
 const SNAP_SPEED: f64 = 500.0_f64.to_radians();
 
@@ -81,6 +85,10 @@ impl<'a> Lead<'a> {
                     story.push("released".to_owned());
                     self.guide.tell(Told::Released);
                 }
+                Ok(Some(Order::Retreat)) => {
+                    story.push(format!("went back to margin {:.2}", self.retreat()));
+                    self.guide.tell(Told::Retreated);
+                }
                 Ok(Some(Order::Steer(leg))) => {
                     let (told, words) = self.steer(&leg);
                     story.extend(words);
@@ -103,45 +111,45 @@ impl<'a> Lead<'a> {
     fn release(&mut self) {
         self.released += 1;
         self.bench.request(Verb::Stop);
-        self.watch(None, RELEASE);
+        self.run(RELEASE, |_, _, _| ControlFlow::Continue(()));
         let _ = self.bench.lockstep.play(&[], |rig| rig.plant().truth(), |_| ControlFlow::Continue(()));
+    }
+
+    /// Goes back from a hold as far as the loop does; the margin there.
+    fn retreat(&mut self) -> f64 {
+        self.bench.request(Verb::Retreat);
+        self.run(RETREAT_MAX, |record, time, _| {
+            let is_over = time > BEGUN && record.decision.cause != Some(Cause::Retreating);
+            if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        self.run(PASS, |_, _, _| ControlFlow::Continue(()));
+        self.bench.lockstep.cycle().outcome.model.margin
     }
 
     /// Steers along a leg; what is to be told besides.
     fn steer(&mut self, leg: &Leg) -> (Told, Option<String>) {
         self.bench.request(Verb::SetTarget(leg.waypoint.target()));
-        let Seen { told, error_deg, verdict } = self.watch(Some(leg), LEG_MAX);
+        let Seen { told, error_deg, verdict } = self.watch(leg);
         let place = if leg.is_last { "" } else { "on the way " };
         let words = match told {
             Told::Refused => Some(format!("{verdict:?}")),
             Told::Missed => Some(format!("{error_deg:.1?} deg beside it, {verdict:?}")),
             Told::Held => Some("held near a snap-through".to_owned()),
-            Told::Arrived | Told::Released => None,
+            Told::Arrived | Told::Retreated | Told::Released => None,
         };
         let words = words.map(|words| format!("{place}{words}"));
         (told, words)
     }
 
     /// Runs the loop until the leg is gone or refused, or the time is over.
-    fn watch(&mut self, leg: Option<&Leg>, most: f64) -> Seen {
-        let mut judge = leg.map(|leg| Judge::new(&leg.waypoint.directions[..MAGNETS]));
+    fn watch(&mut self, leg: &Leg) -> Seen {
+        let mut judge = Judge::new(&leg.waypoint.directions[..MAGNETS]);
         let mut seen = Seen { told: Told::Missed, error_deg: Vec::new(), verdict: Verdict::Unchecked };
-        let (mut time, mut arrived, mut speed) = (0.0, None, 0.0_f64);
-        let mut before: Option<Directions> = None;
-        let period = self.setup.config.daemon.as_ref().expect("has a daemon").period().as_secs_f64();
-        let _ = self.bench.lockstep.run(most, |record, rig| {
-            let tangent = tangents(&rig.plant().truth());
-            for (before, now) in before.iter().flatten().zip(&tangent).take(MAGNETS) {
-                let turned = angle_between(&Vector3::from(*before), &Vector3::from(*now));
-                speed = if is_steering(record.decision.state) { speed.max(turned / period) } else { speed };
-            }
-            before = Some(tangent);
-            let (Some(leg), Some(judge)) = (leg, &mut judge) else { return ControlFlow::Continue(()) };
-            time += period;
-            judge.take(&Observation { time, tangent, current: 0.0 });
+        let mut arrived = None;
+        self.run(LEG_MAX, |record, time, tangent| {
+            judge.take(&Observation { time, tangent: *tangent, current: 0.0 });
             seen.verdict = record.outcome.verdict;
-            // The first cycle takes the request.
-            let has_begun = time > 2.0 * period;
+            let has_begun = time > BEGUN;
             if has_begun && matches!(seen.verdict, Verdict::Refused { .. }) {
                 seen.told = Told::Refused;
                 return ControlFlow::Break(());
@@ -164,9 +172,27 @@ impl<'a> Lead<'a> {
             }
             ControlFlow::Break(())
         });
-        self.snapped += usize::from(speed > SNAP_SPEED);
-        seen.error_deg = judge.map(|judge| judge.verdict().error_rms_deg).unwrap_or_default();
+        seen.error_deg = judge.verdict().error_rms_deg;
         seen
+    }
+
+    /// Runs the loop for a time, s, or until `each` has seen enough of its cycles, the time since the first one and the magnets'
+    /// true tangents.
+    fn run(&mut self, most: f64, mut each: impl FnMut(&CycleRecord, f64, &Directions) -> ControlFlow<()>) {
+        let (mut time, mut speed) = (0.0, 0.0_f64);
+        let mut before: Option<Directions> = None;
+        let period = self.setup.config.daemon.as_ref().expect("has a daemon").period().as_secs_f64();
+        let _ = self.bench.lockstep.run(most, |record, rig| {
+            let tangent = tangents(&rig.plant().truth());
+            for (before, now) in before.iter().flatten().zip(&tangent).take(MAGNETS) {
+                let turned = angle_between(&Vector3::from(*before), &Vector3::from(*now));
+                speed = if is_steering(record.decision.state) { speed.max(turned / period) } else { speed };
+            }
+            before = Some(tangent);
+            time += period;
+            each(record, time, &tangent)
+        });
+        self.snapped += usize::from(speed > SNAP_SPEED);
     }
 }
 

@@ -51,6 +51,7 @@ class Verb:
     ESTOP = 6
     SET_TARGET = 7
     SAVE = 8
+    RETREAT = 9
 
 
 # Words for StatusMessage.state, by code.
@@ -68,8 +69,9 @@ CAUSES = {
     8: "the daemon is ending",
     9: "the rod would snap through on the way to the target",
     10: "on the way to the target a magnet would leave the field model's range",
-    11: "held close to a snap-through until another target is set",
+    11: "held close to a snap-through until another target is set, or `retreat`",
     12: "held because the stream of targets ended",
+    13: "going back along the way that led close to a snap-through",
     20: "this daemon has no records to write",
     21: "this machine only watches the rig; it is commanded on its own machine",
     100: "stopped by the operator",

@@ -62,7 +62,7 @@ class Client:
             time.sleep(0.005)
 
     def request(self, verb: int, timeout_s: float = 0.4):
-        """Sends arm, go, hold, stop, reset, estop or save and returns the OperatorAnswer.
+        """Sends arm, go, hold, retreat, stop, reset, estop or save and returns the OperatorAnswer.
 
         Raises Refused when the daemon refuses or does not answer.
         """
@@ -139,6 +139,7 @@ VERBS = {
     "arm": Verb.ARM,
     "go": Verb.GO,
     "hold": Verb.HOLD,
+    "retreat": Verb.RETREAT,
     "stop": Verb.STOP,
     "reset": Verb.RESET,
     "estop": Verb.ESTOP,

@@ -109,6 +109,7 @@ fn codes(text: &mut String) {
             ("ESTOP", verb::ESTOP),
             ("SET_TARGET", verb::SET_TARGET),
             ("SAVE", verb::SAVE),
+            ("RETREAT", verb::RETREAT),
         ],
     );
     line(text, format_args!("\n\n# Words for StatusMessage.state, by code."));

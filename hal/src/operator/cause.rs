@@ -59,10 +59,12 @@ causes! {
     TargetCrossesSnapThrough = 9, "the rod would snap through on the way to the target";
     /// On the way to the target a magnet would leave the field model's range; the target before stays in force.
     TargetOutsideField = 10, "on the way to the target a magnet would leave the field model's range";
-    /// The margin of stability fell below what is allowed: the currents are kept until another target is set.
-    NearSnapThrough = 11, "held close to a snap-through until another target is set";
+    /// The margin of stability fell below what is allowed: the currents are kept until another target is set, or a retreat asked for.
+    NearSnapThrough = 11, "held close to a snap-through until another target is set, or `retreat`";
     /// No newer target came while the last of a stream was valid: the magnets are held where the reference was.
     StreamEnded = 12, "held because the stream of targets ended";
+    /// A retreat was asked for, and is under way.
+    Retreating = 13, "going back along the way that led close to a snap-through";
     /// Records are asked for, and this daemon keeps none, or has none yet.
     NotRecording = 20, "this daemon has no records to write";
     /// The rig is on another machine, and reaches this one through a tunnel that carries no commands.

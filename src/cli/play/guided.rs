@@ -8,7 +8,7 @@ use magsteer::control::plan::{Guide, Leg, Order, Stance, Told};
 use magsteer::daemon::step_response::StepResponse;
 use magsteer::daemon::{StopFlag, view};
 use magsteer_hal::Stamp;
-use magsteer_hal::operator::{Cause, StatusMessage, state, verb, verdict};
+use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, state, verb, verdict};
 
 use super::session::{POLL, Seen, Session, UnderWay, stopped};
 use super::watched::Watched;
@@ -22,6 +22,8 @@ const PASS: Duration = Duration::from_millis(500);
 const SETTLE_MAX: Duration = Duration::from_secs(3);
 /// How long a leg may take: frames turn half a turn in four seconds.
 const LEG_MAX: Duration = Duration::from_secs(20);
+/// How long a retreat may take: longer than the way that a daemon remembers.
+const RETREAT_MAX: Duration = Duration::from_secs(30);
 /// How long a hold lasts that ends by itself, at most: sensing that does not come back stops the daemon sooner.
 const HOLD_MAX: Duration = Duration::from_secs(1);
 /// How long to wait until the daemon is in another state: a ramp to zero takes some tenths of a second.
@@ -61,6 +63,10 @@ impl Session {
                     }
                     Told::Released
                 }
+                Order::Retreat => {
+                    let Some(told) = self.retreat(under_way, &mut watched)? else { return Ok(None) };
+                    told
+                }
                 Order::Steer(leg) => {
                     let Some(told) = self.go(&leg, under_way, &mut watched)? else { return Ok(None) };
                     match told {
@@ -73,10 +79,10 @@ impl Session {
                             under_way.label
                         )),
                         Told::Held => output::note(format_args!(
-                            "{}: the daemon holds near a snap-through: back, and the way is planned anew",
+                            "{}: the daemon holds near a snap-through: it goes back along its way, which is planned anew",
                             under_way.label
                         )),
-                        Told::Arrived | Told::Released => {}
+                        Told::Arrived | Told::Retreated | Told::Released => {}
                     }
                     told
                 }
@@ -130,6 +136,24 @@ impl Session {
             (Some(_), Some(told)) => Ok(Some(told)),
             (Some(_), None) => Err(held_by_hand()),
         }
+    }
+
+    /// Has the daemon go back from a hold near a snap-through, as far as it can; `None` when it was broken off.
+    fn retreat(&mut self, under_way: &UnderWay<'_>, watched: &mut Watched) -> anyhow::Result<Option<Told>> {
+        // One that no longer holds, or has nothing to go back along, refuses, and is planned with as it stands.
+        let request = OperatorRequest { verb: verb::RETREAT, ..OperatorRequest::default() };
+        if self.ask(request, "retreat")?.accepted == 0 {
+            return Ok(Some(Told::Retreated));
+        }
+        let begin = Instant::now();
+        let mut ended = None;
+        let seen = self.see_through(under_way, watched, |_, status| {
+            let goes = status.cause == Cause::Retreating.code();
+            ended = if goes { None } else { ended.or(Some(Instant::now())) };
+            let is_at_rest = ended.is_some_and(|ended| ended.elapsed() >= PASS);
+            if is_at_rest || begin.elapsed() >= RETREAT_MAX { Seen::Over } else { Seen::UnderWay }
+        })?;
+        Ok(seen.map(|_| Told::Retreated))
     }
 
     /// The status of a daemon that steers, and that nobody holds.

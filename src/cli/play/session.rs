@@ -10,7 +10,7 @@ use magsteer::daemon::{StopFlag, TimingSummary};
 use magsteer_hal::HardwareDescription;
 use magsteer_hal::Stamp;
 use magsteer_hal::channels::{Endpoint, OperatorClient, TruthObserver};
-use magsteer_hal::operator::{Cause, OperatorRequest, StatusMessage, cause, state, verdict};
+use magsteer_hal::operator::{Cause, OperatorAnswer, OperatorRequest, StatusMessage, cause, state, verdict};
 
 use super::live_line::{LiveLine, live};
 use super::watched::Watched;
@@ -207,11 +207,14 @@ impl Session {
         }
     }
 
+    /// The daemon's answer, whatever it is.
+    pub(super) fn ask(&mut self, request: OperatorRequest, name: &str) -> anyhow::Result<OperatorAnswer> {
+        let answer = self.client.send(request, ANSWER_WAIT);
+        answer.map_err(|error| Failure::with(Exit::Unavailable, anyhow!("{name}: {error}")))
+    }
+
     pub(super) fn send(&mut self, request: OperatorRequest, name: &str) -> anyhow::Result<()> {
-        let answer = self
-            .client
-            .send(request, ANSWER_WAIT)
-            .map_err(|error| Failure::with(Exit::Unavailable, anyhow!("{name}: {error}")))?;
+        let answer = self.ask(request, name)?;
         if answer.accepted == 1 {
             return Ok(());
         }

@@ -27,10 +27,11 @@ pub enum Action {
 }
 
 /// Keys, and what they do, as the help shows them.
-pub const HELP: [(&str, &str); 9] = [
+pub const HELP: [(&str, &str); 10] = [
     ("a", "arm: take authority at zero current"),
     ("g", "go: steer, or go on after a hold"),
     ("h", "hold where the reference is now"),
+    ("b", "back along the way, when held close to a snap-through"),
     ("s, space", "stop: ramp to zero, give up authority"),
     ("e", "emergency stop: cut the amplifiers (asks first)"),
     ("r", "reset a fault whose cause is gone"),
@@ -83,6 +84,7 @@ impl Ui {
             'a' => Action::Request(verb::ARM),
             'g' => Action::Request(verb::GO),
             'h' => Action::Request(verb::HOLD),
+            'b' => Action::Request(verb::RETREAT),
             's' | ' ' => Action::Request(verb::STOP),
             'r' => Action::Request(verb::RESET),
             'q' => Action::Leave,

@@ -221,6 +221,7 @@ fn keys_ask_for_what_the_help_says_and_leaving_asks_the_daemon_for_nothing() {
         ('a', verb::ARM),
         ('g', verb::GO),
         ('h', verb::HOLD),
+        ('b', verb::RETREAT),
         ('s', verb::STOP),
         (' ', verb::STOP),
         ('r', verb::RESET),

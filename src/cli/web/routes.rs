@@ -172,7 +172,7 @@ async fn command(State(shared): State<Arc<Shared>>, headers: HeaderMap, body: By
     let answer = if command.verb == verb::name(verb::SET_TARGET) {
         shared.desk.ask(|sender| Ask::Target(command.angles_deg, sender)).await
     } else {
-        let verbs = [verb::ARM, verb::GO, verb::HOLD, verb::STOP, verb::RESET, verb::ESTOP];
+        let verbs = [verb::ARM, verb::GO, verb::HOLD, verb::RETREAT, verb::STOP, verb::RESET, verb::ESTOP];
         let Some(verb) = verbs.into_iter().find(|verb| verb::name(*verb) == command.verb) else {
             let error = format!("{:?} is no command", command.verb);
             return (StatusCode::BAD_REQUEST, json(&Refused { error })).into_response();

@@ -13,9 +13,9 @@
 //! rest, which everything after two ways in vain is, too. At rest, without loads, the magnets are asked to where they rest: as far beside
 //! the model as they were when they were near rest last. Where that is refused from a posture that bends them far beside the model, they go
 //! first to where that takes them from rest, and from there to rest. Where that is in vain too, the next way home ends with the frames
-//! elsewhere. A loop that holds near a snap-through is sent back at once to where its leg began, before anything is planned. Where the
-//! planner's model does not find the loop's equilibrium, or no way leads from there to rest, the currents are let go, which is the last
-//! resort: a rod whose currents fall all at once may snap on its way.
+//! elsewhere. A loop that holds near a snap-through first of all goes back along the way that it came: its model is nearly singular there,
+//! and neither plans nor steers. Where the planner's model does not find the loop's equilibrium, or no way leads from there to rest, the
+//! currents are let go, which is the last resort: a rod whose currents fall all at once may snap on its way.
 //!
 //! What is absent: a loop, a clock, a channel. Whoever steers carries out [`Order`]s and tells what became of them ([`Told`]).
 
@@ -60,6 +60,8 @@ pub struct Stance {
 pub enum Order {
     /// Steer to a waypoint, and stay there until all is at rest; to the last one until the magnets have settled.
     Steer(Leg),
+    /// From a hold near a snap-through go back along the way that led there.
+    Retreat,
     /// Let the currents go to zero, then make ready to steer again.
     Release,
 }
@@ -97,6 +99,8 @@ pub enum Told {
     Missed,
     /// The loop holds on the way, near a snap-through.
     Held,
+    /// The loop has gone back, or has come as far as it can.
+    Retreated,
     /// The currents are zero, and the loop is ready to steer again.
     Released,
 }
@@ -129,8 +133,6 @@ pub enum GivenUp {
 enum Heading {
     Target,
     Rest,
-    /// To where the leg began on which the loop holds.
-    Back,
 }
 
 /// What became of ways to rest.
@@ -150,8 +152,6 @@ pub struct Guide {
     target: Directions,
     /// A way to rest: back along where the model came from, and on from there.
     back: Vec<Waypoint>,
-    /// Where the magnets and frames were when the present leg began.
-    begun: Waypoint,
     /// Legs of the present way that are still to be gone.
     legs: VecDeque<Waypoint>,
     /// Where they lead.
@@ -164,6 +164,7 @@ pub struct Guide {
     since_rest: u32,
     /// What ways to rest came to since then.
     homeward: Homeward,
+    must_retreat: bool,
     must_release: bool,
     /// True from when the loop was led to rest, or its currents were let go, until it is led away.
     is_at_rest: bool,
@@ -180,10 +181,6 @@ impl Guide {
     pub fn new(planner: Planner) -> Self {
         Self {
             target: planner.rest().posture.directions,
-            begun: Waypoint {
-                directions: planner.rest().posture.directions,
-                frame_angles: Setting::default(),
-            },
             planner,
             back: Vec::new(),
             legs: VecDeque::new(),
@@ -193,6 +190,7 @@ impl Guide {
             missed: 0,
             since_rest: 0,
             homeward: Homeward::default(),
+            must_retreat: false,
             must_release: false,
             is_at_rest: false,
             is_unbent: false,
@@ -207,7 +205,8 @@ impl Guide {
         self.legs.clear();
         self.avoided.clear();
         (self.refused, self.missed, self.since_rest, self.homeward) = (0, 0, 0, Homeward::default());
-        (self.must_release, self.is_at_rest, self.is_there) = (false, false, false);
+        (self.must_retreat, self.must_release) = (false, false);
+        (self.is_at_rest, self.is_there) = (false, false);
     }
 
     /// What is to be done next; `None` once the target is reached.
@@ -217,6 +216,9 @@ impl Guide {
     pub fn order(&mut self, stance: &Stance) -> Result<Option<Order>, GivenUp> {
         if self.is_there {
             return Ok(None);
+        }
+        if self.must_retreat {
+            return Ok(Some(Order::Retreat));
         }
         let rest = self.planner.rest().posture.directions;
         if are_within(&stance.predicted, &rest, NEAR_REST) {
@@ -229,7 +231,6 @@ impl Guide {
         let is_last = self.legs.len() == 1 && self.heading == Heading::Target;
         let directions = match self.heading {
             Heading::Target if is_last => self.target,
-            Heading::Back => waypoint.directions,
             // Without loads the magnets are beside the model by their sag alone. To hold them elsewhere takes currents, and great ones
             // where frames on their way pass settings at which the coils have little authority.
             Heading::Target | Heading::Rest if self.leads_to_rest() && !self.leads_beside_rest() => {
@@ -240,12 +241,6 @@ impl Guide {
                 turned(&waypoint.directions, &stance.predicted, &stance.measured)
             }
         };
-        if self.heading != Heading::Back {
-            self.begun = Waypoint {
-                directions: stance.measured,
-                frame_angles: stance.equilibrium.actuation.angle_rad,
-            };
-        }
         Ok(Some(Order::Steer(Leg { waypoint: Waypoint { directions, ..*waypoint }, is_last })))
     }
 
@@ -256,16 +251,14 @@ impl Guide {
             Told::Arrived if self.leads_beside_rest() => self.is_unbent = true,
             Told::Arrived => {
                 self.is_unbent = self.leads_to_rest();
-                let passed = self.legs.pop_front();
-                if self.heading != Heading::Back {
-                    self.back.splice(0..0, passed);
-                }
-                if self.legs.is_empty() && self.heading != Heading::Back {
+                self.back.splice(0..0, self.legs.pop_front());
+                if self.legs.is_empty() {
                     self.is_at_rest = self.heading == Heading::Rest;
                     self.is_there = !self.is_at_rest;
                     (self.since_rest, self.homeward) = (0, Homeward::default());
                 }
             }
+            Told::Retreated => self.must_retreat = false,
             Told::Released => {
                 self.back.clear();
                 (self.must_release, self.is_at_rest, self.is_unbent) = (false, true, true);
@@ -273,6 +266,7 @@ impl Guide {
             }
             Told::Refused | Told::Missed | Told::Held => {
                 self.is_unbent &= told == Told::Refused;
+                self.must_retreat = told == Told::Held;
                 match self.heading {
                     Heading::Target => {
                         let failed = if told == Told::Refused { &mut self.refused } else { &mut self.missed };
@@ -289,13 +283,8 @@ impl Guide {
                         }
                         self.must_release = homeward.failed >= HOMEWARD_MAX;
                     }
-                    // The next way begins wherever that ended.
-                    Heading::Back => {}
                 }
                 self.legs.clear();
-                if told == Told::Held && self.heading != Heading::Back {
-                    (self.legs, self.heading) = (VecDeque::from([self.begun]), Heading::Back);
-                }
             }
         }
     }
@@ -303,7 +292,7 @@ impl Guide {
     /// True when the present leg ends where the model rests.
     fn leads_to_rest(&self) -> bool {
         let rest = self.planner.rest().posture.directions;
-        self.heading != Heading::Back && self.legs.front().is_some_and(|leg| leg.directions == rest)
+        self.legs.front().is_some_and(|leg| leg.directions == rest)
     }
 
     /// True when the present leg is the first of two steps to rest: with the model's bias, without which the way was refused.

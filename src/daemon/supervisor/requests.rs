@@ -3,7 +3,7 @@
 use magsteer_hal::operator::Cause;
 
 use super::Supervisor;
-use crate::daemon::state::{Answers, Request, State, Verb};
+use crate::daemon::state::{Answers, NearSnap, Request, State, Verb};
 use crate::daemon::watch::Observation;
 
 impl Supervisor {
@@ -16,6 +16,7 @@ impl Supervisor {
             },
             Verb::Go => self.go(seen),
             Verb::Hold => self.hold(),
+            Verb::Retreat => self.retreat(seen),
             Verb::Stop => self.stop(Cause::OperatorStop, seen, answers),
             Verb::Terminate => {
                 self.ending = true;
@@ -65,12 +66,14 @@ impl Supervisor {
                 }
             },
             State::Active => Ok(()),
-            // Another target is needed.
-            State::Holding { near_snap: true, .. } => Err(Cause::NearSnapThrough),
+            // Another target is needed, or a retreat.
+            State::Holding { near_snap: NearSnap::Kept | NearSnap::Retreating, .. } => {
+                Err(Cause::NearSnapThrough)
+            }
             State::Holding { sensing_lost, .. } => {
                 self.cause = self.cause.filter(|cause| *cause != Cause::StreamEnded);
                 if sensing_lost {
-                    self.enter_holding(false, true, false);
+                    self.enter_holding(false, true, NearSnap::No);
                 } else {
                     self.enter_active();
                 }
@@ -83,7 +86,11 @@ impl Supervisor {
 
     fn hold(&mut self) -> Result<(), Cause> {
         match self.state {
-            State::Active => self.enter_holding(true, false, false),
+            State::Active => self.enter_holding(true, false, NearSnap::No),
+            State::Holding { sensing_lost, near_snap: NearSnap::Retreating, .. } => {
+                self.cause = Some(Cause::NearSnapThrough);
+                self.enter_holding(true, sensing_lost, NearSnap::Kept);
+            }
             State::Holding { sensing_lost, near_snap, .. } => {
                 self.enter_holding(true, sensing_lost, near_snap);
             }
@@ -91,6 +98,22 @@ impl Supervisor {
             State::Boot | State::Idle | State::Arming { .. } | State::Armed => return Err(Cause::WrongState),
         }
         Ok(())
+    }
+
+    fn retreat(&mut self, seen: &Observation) -> Result<(), Cause> {
+        match self.state {
+            State::Holding { near_snap: NearSnap::Retreating, .. } => Ok(()),
+            State::Holding { near_snap: NearSnap::Kept, .. } if seen.trail_ended => {
+                Err(Cause::NearSnapThrough)
+            }
+            State::Holding { by_operator, sensing_lost, near_snap: NearSnap::Kept } => {
+                self.cause = Some(Cause::Retreating);
+                self.enter_holding(by_operator, sensing_lost, NearSnap::Retreating);
+                Ok(())
+            }
+            State::SafeStop { cause, .. } | State::Fault { cause } => Err(cause),
+            _ => Err(Cause::WrongState),
+        }
     }
 
     fn stop(&mut self, cause: Cause, seen: &Observation, answers: &mut Answers) -> Result<(), Cause> {

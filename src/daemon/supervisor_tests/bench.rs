@@ -83,6 +83,7 @@ impl Bench {
             verdict: Verdict::Unchecked,
             request_finite: true,
             write_failed: false,
+            trail_ended: false,
             commanded_zero: true,
             sample: Sample { measured: Some(Actuation::default()), ..Sample::default() },
         };
@@ -169,7 +170,10 @@ impl Bench {
     }
 
     pub(super) fn obey(&mut self, decision: &Decision) {
-        let steering = matches!(decision.directive, Directive::Begin | Directive::Follow | Directive::Hold);
+        let steering = matches!(
+            decision.directive,
+            Directive::Begin | Directive::Follow | Directive::Hold | Directive::Retreat
+        );
         self.seen.commanded_zero = !steering;
         if !(self.driver_alive && self.driver_obeys) {
             return;
@@ -181,7 +185,9 @@ impl Bench {
             Directive::Claim => (driver.epoch, driver.state) = (decision.epoch, driver_state::DRIVEN),
             Directive::Release => (driver.state, driver.current_max) = (driver_state::IDLE, 0.0),
             Directive::Disable => (driver.state, driver.current_max) = (driver_state::DISABLED, 0.0),
-            Directive::Begin | Directive::Follow | Directive::Hold => driver.current_max = current,
+            Directive::Begin | Directive::Follow | Directive::Hold | Directive::Retreat => {
+                driver.current_max = current;
+            }
             Directive::Rest | Directive::RampDown => driver.current_max = 0.0,
         }
     }

@@ -7,11 +7,11 @@ use magsteer_hal::operator::state;
 use super::bench::{Bench, ms};
 use crate::daemon::causes::{Response, response};
 use crate::daemon::config::{DaemonConfig, SafeAction};
-use crate::daemon::state::{State, Verb};
+use crate::daemon::state::{NearSnap, State, Verb};
 
 /// Letters of the places a supervisor may be found in; a cut fault and one that leaves the amplifiers alone
 /// apart.
-pub(super) const LETTERS: &str = "biqachlnskfm";
+pub(super) const LETTERS: &str = "biqachlnrskfm";
 
 /// The letter of a state at a moment. A new state, or another thing that a state remembers, does not compile
 /// until it has one.
@@ -22,9 +22,10 @@ pub(super) fn letter(state: &State, now: Stamp) -> char {
         State::Arming { since: _, request_id: _ } => 'q',
         State::Armed => 'a',
         State::Active => 'c',
-        State::Holding { near_snap: true, by_operator: _, sensing_lost: _ } => 'n',
-        State::Holding { sensing_lost: true, by_operator: _, near_snap: false } => 'l',
-        State::Holding { by_operator: _, sensing_lost: false, near_snap: false } => 'h',
+        State::Holding { near_snap: NearSnap::Kept, by_operator: _, sensing_lost: _ } => 'n',
+        State::Holding { near_snap: NearSnap::Retreating, by_operator: _, sensing_lost: _ } => 'r',
+        State::Holding { sensing_lost: true, by_operator: _, near_snap: NearSnap::No } => 'l',
+        State::Holding { by_operator: _, sensing_lost: false, near_snap: NearSnap::No } => 'h',
         State::SafeStop { hold_until, since: _, cause: _ } if now < hold_until => 'k',
         State::SafeStop { .. } => 's',
         State::Fault { cause } if response(cause) == Response::Disable => 'f',
@@ -48,6 +49,8 @@ pub(super) enum Place {
     /// For want of poses.
     HoldingBlind,
     HoldingNearSnap,
+    /// Going back from there.
+    Retreating,
     /// By the operator's wish; the currents stay up.
     SafeStop,
     /// By a trip whose currents are held, its cause being over.
@@ -62,7 +65,7 @@ pub(super) enum Place {
 
 impl Place {
     /// In the order of the table's columns.
-    pub(super) const ALL: [Self; 14] = [
+    pub(super) const ALL: [Self; 15] = [
         Self::Boot,
         Self::Idle,
         Self::Arming,
@@ -72,6 +75,7 @@ impl Place {
         Self::Holding,
         Self::HoldingBlind,
         Self::HoldingNearSnap,
+        Self::Retreating,
         Self::SafeStop,
         Self::SafeStopHeld,
         Self::Cut,
@@ -90,6 +94,7 @@ impl Place {
             Self::Holding => 'h',
             Self::HoldingBlind => 'l',
             Self::HoldingNearSnap => 'n',
+            Self::Retreating => 'r',
             Self::SafeStop => 's',
             Self::SafeStopHeld => 'k',
             Self::Cut => 'f',
@@ -117,6 +122,11 @@ impl Place {
                 let mut bench = Bench::active_of(config);
                 bench.seen.margin = 0.05;
                 bench.cycle(None);
+                bench
+            }
+            Self::Retreating => {
+                let mut bench = Self::HoldingNearSnap.bench(config);
+                assert_eq!(bench.ask(Verb::Retreat), Ok(state::HOLDING));
                 bench
             }
             Self::SafeStop => Bench::in_state_of(config, state::SAFE_STOP),

@@ -14,7 +14,7 @@ use crate::control::plan::Obstacle;
 use crate::daemon::causes::{Response, is_monitor, response};
 use crate::daemon::config::{DaemonConfig, Mode, SafeAction, tests::shipped};
 use crate::daemon::monitors::Sample;
-use crate::daemon::state::{Directive, State, Verb};
+use crate::daemon::state::{Directive, NearSnap, State, Verb};
 use crate::daemon::supervisor::Decision;
 use crate::daemon::trust::Astray;
 
@@ -55,7 +55,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
     let toss = |random: &mut rand_chacha::ChaCha8Rng, chance| random.random_bool(chance);
     // Faults come rarely and go soon, so that the machine also works.
     if toss(random, 0.004) {
-        match random.random_range(0..22) {
+        match random.random_range(0..23) {
             0 => bench.sensor_alive = false,
             1 => bench.driver_alive = false,
             2 => bench.seen.model_converged = false,
@@ -80,14 +80,19 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
             18 => bench.measured().current_a[0] = -0.4,
             19 => bench.shake = 0.3,
             20 => (bench.shake, bench.controller_sees) = (0.01, false),
+            21 => bench.seen.trail_ended = true,
             _ => bench.seen.request_finite = false,
         }
+    }
+    // Near a snap-through a loop may stay.
+    if toss(random, 0.003) {
+        bench.seen.margin = random.random_range(0.0..0.3);
     }
     if toss(random, 0.02) {
         (bench.sensor_alive, bench.driver_alive, bench.driver_obeys) = (true, true, true);
         (bench.seen.model_converged, bench.seen.request_finite, bench.seen.missed) = (true, true, 0);
         (bench.driver().fault, bench.driver().over_current) = (0, false);
-        (bench.seen.margin, bench.seen.verdict) = (1.0, Verdict::Unchecked);
+        (bench.seen.margin, bench.seen.trail_ended, bench.seen.verdict) = (1.0, false, Verdict::Unchecked);
         (bench.seen.description_mismatch, bench.shake, bench.controller_sees) = (false, 0.0, true);
         bench.seen.sample = Sample { measured: Some(Actuation::default()), ..Sample::default() };
         (bench.seen.pose_error, bench.seen.astray, bench.echo_alive) = (0.0, Astray::default(), true);
@@ -101,6 +106,7 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
         Verb::Go,
         Verb::Go,
         Verb::Hold,
+        Verb::Retreat,
         Verb::Stop,
         Verb::Reset,
         Verb::Reset,
@@ -115,14 +121,14 @@ fn random_event(random: &mut rand_chacha::ChaCha8Rng, bench: &mut Bench) -> Opti
 fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &Bench, seed: u8) {
     let context = format!("seed {seed}: {before:?} with {verb:?} gave {decision:?}");
     let after = bench.supervisor.state();
-    let drives = matches!(decision.directive, Directive::Begin | Directive::Follow | Directive::Hold);
+    let moves = matches!(decision.directive, Directive::Begin | Directive::Follow | Directive::Retreat);
+    let drives = moves || decision.directive == Directive::Hold;
     let holds = matches!(after, State::SafeStop { hold_until, .. } if bench.now < *hold_until)
         && decision.safe_action == SafeAction::HoldThenRamp;
     let drives_now = matches!(after, State::Active | State::Holding { .. }) || holds;
     assert_eq!(drives, drives_now, "{context}");
-    let rises = matches!(decision.directive, Directive::Begin | Directive::Follow);
     assert!(
-        !rises || matches!(after, State::Active | State::Holding { .. }),
+        !moves || matches!(after, State::Active | State::Holding { .. }),
         "only steering moves currents: {context}"
     );
     if matches!(before, State::Fault { .. }) && !matches!(after, State::Fault { .. }) {
@@ -135,12 +141,25 @@ fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &
     if matches!(after, State::Arming { .. }) && !matches!(before, State::Arming { .. }) {
         assert_eq!(verb, Some(Verb::Arm), "{context}");
     }
-    if let State::Holding { near_snap: true, .. } = after {
+    if let State::Holding { near_snap: NearSnap::Kept, .. } = after {
         assert_eq!(decision.directive, Directive::Hold, "currents are kept: {context}");
     }
-    let was_near_snap = matches!(before, State::Holding { near_snap: true, .. });
-    if was_near_snap && decision.directive == Directive::Follow {
+    if let State::Holding { near_snap: NearSnap::Retreating, sensing_lost, .. } = after {
+        let expected = if *sensing_lost { Directive::Hold } else { Directive::Retreat };
+        assert_eq!(decision.directive, expected, "{context}");
+    }
+    let near_snap = |state: &State| match state {
+        State::Holding { near_snap, .. } => *near_snap,
+        _ => NearSnap::No,
+    };
+    if near_snap(before) != NearSnap::No && decision.directive == Directive::Follow {
         panic!("currents moved without another target, or in its very cycle: {context}");
+    }
+    if near_snap(before) == NearSnap::Kept && near_snap(after) == NearSnap::Retreating {
+        assert_eq!(verb, Some(Verb::Retreat), "{context}");
+    }
+    if near_snap(before) == NearSnap::No {
+        assert_ne!(near_snap(after), NearSnap::Retreating, "{context}");
     }
     if let (State::SafeStop { .. }, false) = (before, matches!(after, State::SafeStop { .. })) {
         assert!(matches!(after, State::Idle | State::Fault { .. }), "{context}");
@@ -170,7 +189,8 @@ fn check_causes(before: &State, decision: &Decision, bench: &Bench) {
     let steers = |state: &State| matches!(state, State::Active | State::Holding { .. });
     assert_eq!(decision.directive == Directive::Begin, !steers(before) && steers(after), "{context}");
     if steers(before) && !before.is_engaged() && steers(after) {
-        assert_eq!(decision.directive, Directive::Hold, "{context}");
+        let goes = matches!(decision.directive, Directive::Hold | Directive::Retreat);
+        assert!(goes, "{context}");
     }
     if let (State::Fault { cause }, State::Idle) = (before, after) {
         assert!(!lasts(*cause, bench), "reset while its cause lasts: {context}");

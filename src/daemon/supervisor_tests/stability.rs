@@ -113,6 +113,74 @@ fn operators_hold_outlasts_the_one_near_a_snap_through() {
     assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE));
 }
 
+/// Goal: a retreat that was asked for goes on until the margin is no longer warned of; the loop then steers, and keeps what is new.
+///
+/// Proves SR-25.
+#[test]
+fn retreat_ends_where_the_margin_is_no_longer_warned_of() {
+    let mut bench = Bench::active();
+    assert_eq!(bench.ask(Verb::Retreat), Err(Cause::WrongState), "nothing to go back from");
+    bench.seen.margin = 0.05;
+    bench.cycle(None);
+    assert_eq!(bench.ask(Verb::Retreat), Ok(state::HOLDING));
+    assert_eq!(bench.ask(Verb::Retreat), Ok(state::HOLDING), "it is under way");
+    let decision = bench.cycles(50);
+    assert_eq!((decision.directive, decision.cause), (Directive::Retreat, Some(Cause::Retreating)));
+    bench.seen.margin = limits().stability_warn;
+    assert_eq!(bench.cycles(50).directive, Directive::Retreat);
+    (bench.seen.margin, bench.seen.model_converged) = (1.0, false);
+    assert_eq!(bench.cycle(None).directive, Directive::Retreat, "a margin of what?");
+    bench.seen.model_converged = true;
+    let decision = bench.cycle(None);
+    assert_eq!((decision.state, decision.directive), (state::ACTIVE, Directive::Hold));
+    assert_eq!((decision.cause, decision.given_up), (None, None));
+    assert_eq!(bench.cycle(None).directive, Directive::Follow);
+    // What may be lost from here on is as ever.
+    bench.seen.margin = limits().stability_hold - 1e-6;
+    assert_eq!(bench.cycle(None).cause, Some(Cause::NearSnapThrough));
+}
+
+/// Goal: where there is nothing left to go back along the loop holds as before, and says so.
+///
+/// Proves SR-25.
+#[test]
+fn retreat_that_comes_to_the_begin_of_the_way_holds_again() {
+    let mut bench = Bench::active();
+    bench.seen.margin = 0.05;
+    bench.cycle(None);
+    bench.cycle(Some(Verb::Retreat));
+    bench.seen.trail_ended = true;
+    let decision = bench.cycle(None);
+    assert_eq!((decision.state, decision.directive), (state::HOLDING, Directive::Hold));
+    assert_eq!(decision.cause, Some(Cause::NearSnapThrough));
+    assert_eq!(bench.ask(Verb::Retreat), Err(Cause::NearSnapThrough));
+}
+
+/// Goal: an operator's hold, or a moment without sensing, stops a retreat; the first until it is asked for again, and it ends in the hold.
+///
+/// Proves SR-25.
+#[test]
+fn retreat_waits_for_the_operator_and_for_sensing() {
+    let mut bench = Bench::active();
+    bench.seen.margin = 0.05;
+    bench.cycle(None);
+    bench.cycle(Some(Verb::Retreat));
+    bench.sensor_alive = false;
+    assert_eq!(bench.cycles(100).directive, Directive::Hold);
+    bench.sensor_alive = true;
+    assert_eq!(bench.cycles(2).directive, Directive::Retreat);
+    assert_eq!(bench.ask(Verb::Hold), Ok(state::HOLDING));
+    let decision = bench.cycles(100);
+    assert_eq!((decision.directive, decision.cause), (Directive::Hold, Some(Cause::NearSnapThrough)));
+    assert_eq!(bench.ask(Verb::Go), Err(Cause::NearSnapThrough));
+    assert_eq!(bench.ask(Verb::Retreat), Ok(state::HOLDING));
+    assert_eq!(bench.cycle(None).directive, Directive::Retreat);
+    bench.seen.margin = 1.0;
+    let decision = bench.cycles(2);
+    assert_eq!((decision.state, decision.directive), (state::HOLDING, Directive::Follow));
+    assert_eq!(bench.ask(Verb::Go), Ok(state::ACTIVE));
+}
+
 /// Goal: a margin below zero stops after its time and not before, also where the currents are kept.
 ///
 /// Proves SR-25.

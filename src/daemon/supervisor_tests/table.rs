@@ -159,7 +159,8 @@ fn verb_after(verb: Option<Verb>) -> Option<Verb> {
         None => Some(Verb::Arm),
         Some(Verb::Arm) => Some(Verb::Go),
         Some(Verb::Go) => Some(Verb::Hold),
-        Some(Verb::Hold) => Some(Verb::Stop),
+        Some(Verb::Hold) => Some(Verb::Retreat),
+        Some(Verb::Retreat) => Some(Verb::Stop),
         Some(Verb::Stop) => Some(Verb::Terminate),
         Some(Verb::Terminate) => Some(Verb::Reset),
         Some(Verb::Reset) => Some(Verb::EmergencyStop),
@@ -178,6 +179,7 @@ fn told(directive: Directive) -> char {
         Directive::Begin => 'B',
         Directive::Follow => 'F',
         Directive::Hold => 'H',
+        Directive::Retreat => 'T',
         Directive::RampDown => 'R',
         Directive::Release => 'L',
         Directive::Disable => 'X',
@@ -186,13 +188,13 @@ fn told(directive: Directive) -> char {
 
 /// True for what lets current flow.
 fn energises(directive: Directive) -> bool {
-    matches!(directive, Directive::Begin | Directive::Follow | Directive::Hold)
+    matches!(directive, Directive::Begin | Directive::Follow | Directive::Hold | Directive::Retreat)
 }
 
 /// Goal: each event in each place, half a second later: where it leads, by the letters of `places`, and what
 /// is sent there, by those of `told`. The columns are the places before: `b`oot, `i`dle, claiming (`q`) with
 /// a driver about to confirm and with one that does not answer, `a`rmed, a`c`tive, `h`olding, holding b`l`ind
-/// and `n`ear a snap-through, `s`topping, stopping with currents `k`ept, a `f`ault that cut, and two that did
+/// and `n`ear a snap-through, `r`etreating from there, `s`topping, stopping with currents `k`ept, a `f`ault that cut, and two that did
 /// not (`m`): all well by now, and poses still missing.
 ///
 /// Proves SR-03, SR-14 and SR-21.
@@ -206,50 +208,51 @@ fn every_event_in_every_place_leads_where_the_table_says() {
         WritesFail,
     };
     let target = [[0.0, 0.0, 1.0]; 8];
-    let table: [(Event, &str, &str, Option<Cause>); 37] = [
-        // biqqachlnskfmm
-        (Ask(Verb::Arm), "baaiachmnskfmm", ".00.0FF.HRHX..", None),
-        (Ask(Verb::Go), "biaicccmnskfmm", "..0.FFF.HRHX..", None),
-        (Ask(Verb::Hold), "biaiahhmnskfmm", "..0.0FF.HRHX..", None),
-        (Ask(Verb::Stop), "biiiiiiiismfmm", ".........R.X..", None),
-        (Ask(Verb::Terminate), "biiiiiiiismfmm", ".........R.X..", None),
-        (Ask(Verb::Reset), "biaiachmnskiim", "..0.0FF.HRH...", None),
-        (Ask(Verb::EmergencyStop), "ffffffffffffff", "XXXXXXXXXXXXXX", Some(Cause::EmergencyStop)),
-        (Ask(Verb::SetTarget(target.into())), "biaiachmcskfmm", "..0.0FF.FRHX..", None),
+    let table: [(Event, &str, &str, Option<Cause>); 38] = [
+        // biqqachlnrskfmm
+        (Ask(Verb::Arm), "baaiachmnrskfmm", ".00.0FF.HTRHX..", None),
+        (Ask(Verb::Go), "biaicccmnrskfmm", "..0.FFF.HTRHX..", None),
+        (Ask(Verb::Hold), "biaiahhmnnskfmm", "..0.0FF.HHRHX..", None),
+        (Ask(Verb::Retreat), "biaiachmrrskfmm", "..0.0FF.TTRHX..", None),
+        (Ask(Verb::Stop), "biiiiiiiiismfmm", "..........R.X..", None),
+        (Ask(Verb::Terminate), "biiiiiiiiismfmm", "..........R.X..", None),
+        (Ask(Verb::Reset), "biaiachmnrskiim", "..0.0FF.HTRH...", None),
+        (Ask(Verb::EmergencyStop), "fffffffffffffff", "XXXXXXXXXXXXXXX", Some(Cause::EmergencyStop)),
+        (Ask(Verb::SetTarget(target.into())), "biaiachmccskfmm", "..0.0FF.FFRHX..", None),
         (
             Ask(Verb::StreamTarget(target.into(), Duration::from_millis(200))),
-            "biaiahhmhskfmm",
-            "..0.0FF.FRHX..",
+            "biaiahhmhhskfmm",
+            "..0.0FF.FFRHX..",
             None,
         ),
-        (PosesStop, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::PoseStale)),
-        (ModelFails, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::ModelNotConverged)),
-        (FieldInvalid, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::FieldModelInvalid)),
-        (FeedbackStops, "bisisssssssfmm", "..R.RRRRRRRX..", Some(Cause::FeedbackStale)),
-        (AuthorityLost, "biiimmmmmimfmm", "...........X..", Some(Cause::AuthorityLost)),
-        (DriverCut, "biaifffffsmfmm", "..0.XXXXXR.X..", Some(Cause::DriverDisabled)),
-        (DriverFault, "bfffffffffffff", ".XXXXXXXXXXXXX", Some(Cause::DriverFault)),
-        (OverCurrent, "bfffffffffffff", ".XXXXXXXXXXXXX", Some(Cause::OverCurrent)),
-        (Overruns, "bimimmmmmskfmm", ".........RHX..", Some(Cause::Overruns)),
-        (RequestNotFinite, "biaiammmnskfmm", "..0.0...HRHX..", Some(Cause::RequestNotFinite)),
-        (WritesFail, "bimimmmmmsmfmm", ".........R.X..", Some(Cause::CommandNotSent)),
-        (PosesDisagree, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::PoseImplausible)),
-        (NotFollowing, "bimimmmmmsmfmm", ".........R.X..", Some(Cause::NotFollowing)),
-        (EchoStops, "bimimmmmmsmfmm", ".........R.X..", Some(Cause::FeedbackStale)),
-        (DriverRestarts, "biaimmmmmsmfmm", "..0......R.X..", Some(Cause::AuthorityLost)),
-        (SensorRestarts, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::SensorRestarted)),
-        (TargetRefused, "biaiachmnskfmm", "..0.0FF.HRHX..", None),
-        (NearSnap, "biaiannmnskfmm", "..0.0HH.HRHX..", None),
-        (Snapped, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::StabilityLost)),
-        (OtherDescription, "bimimmmmmsmfmm", ".........R.X..", Some(Cause::DescriptionMismatch)),
-        (RampStalls, "biiiifffffffmm", ".....XXXXXXX..", Some(Cause::RampTimeout)),
-        (PosesOutside, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::PoseOutsideWorkspace)),
-        (PosesTooFast, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::PoseTooFast)),
-        (CoilOpen, "bimimmmmmsmfmm", ".........R.X..", Some(Cause::CoilOpen)),
-        (CurrentUnasked, "bimimmmmmsmfmm", ".........R.X..", Some(Cause::NotFollowing)),
-        (CoilOverheats, "bimimmmmmsmfmm", ".........R.X..", Some(Cause::CoilOverheated)),
-        (ModelStaysOff, "biaiammmmfkfmm", "..0.0....XHX..", Some(Cause::ModelOff)),
-        (ControllerFreezes, "biaiammmmskfmm", "..0.0....RHX..", Some(Cause::NotProgressing)),
+        (PosesStop, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::PoseStale)),
+        (ModelFails, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::ModelNotConverged)),
+        (FieldInvalid, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::FieldModelInvalid)),
+        (FeedbackStops, "bisissssssssfmm", "..R.RRRRRRRRX..", Some(Cause::FeedbackStale)),
+        (AuthorityLost, "biiimmmmmmimfmm", "............X..", Some(Cause::AuthorityLost)),
+        (DriverCut, "biaiffffffsmfmm", "..0.XXXXXXR.X..", Some(Cause::DriverDisabled)),
+        (DriverFault, "bffffffffffffff", ".XXXXXXXXXXXXXX", Some(Cause::DriverFault)),
+        (OverCurrent, "bffffffffffffff", ".XXXXXXXXXXXXXX", Some(Cause::OverCurrent)),
+        (Overruns, "bimimmmmmmskfmm", "..........RHX..", Some(Cause::Overruns)),
+        (RequestNotFinite, "biaiammmnrskfmm", "..0.0...HTRHX..", Some(Cause::RequestNotFinite)),
+        (WritesFail, "bimimmmmmmsmfmm", "..........R.X..", Some(Cause::CommandNotSent)),
+        (PosesDisagree, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::PoseImplausible)),
+        (NotFollowing, "bimimmmmmmsmfmm", "..........R.X..", Some(Cause::NotFollowing)),
+        (EchoStops, "bimimmmmmmsmfmm", "..........R.X..", Some(Cause::FeedbackStale)),
+        (DriverRestarts, "biaimmmmmmsmfmm", "..0.......R.X..", Some(Cause::AuthorityLost)),
+        (SensorRestarts, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::SensorRestarted)),
+        (TargetRefused, "biaiachmnrskfmm", "..0.0FF.HTRHX..", None),
+        (NearSnap, "biaiannmnrskfmm", "..0.0HH.HTRHX..", None),
+        (Snapped, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::StabilityLost)),
+        (OtherDescription, "bimimmmmmmsmfmm", "..........R.X..", Some(Cause::DescriptionMismatch)),
+        (RampStalls, "biiiiffffffffmm", ".....XXXXXXXX..", Some(Cause::RampTimeout)),
+        (PosesOutside, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::PoseOutsideWorkspace)),
+        (PosesTooFast, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::PoseTooFast)),
+        (CoilOpen, "bimimmmmmmsmfmm", "..........R.X..", Some(Cause::CoilOpen)),
+        (CurrentUnasked, "bimimmmmmmsmfmm", "..........R.X..", Some(Cause::NotFollowing)),
+        (CoilOverheats, "bimimmmmmmsmfmm", "..........R.X..", Some(Cause::CoilOverheated)),
+        (ModelStaysOff, "biaiammmmmfkfmm", "..0.0.....XHX..", Some(Cause::ModelOff)),
+        (ControllerFreezes, "biaiammmmmskfmm", "..0.0.....RHX..", Some(Cause::NotProgressing)),
     ];
     let named = |cause: &Cause| table.iter().any(|(_, _, _, found)| *found == Some(*cause));
     let faults = Cause::ALL.iter().filter(|cause| response(**cause) >= Response::Trip);
@@ -266,7 +269,7 @@ fn every_event_in_every_place_leads_where_the_table_says() {
             let (decision, after) = happens(event, place);
             let found = (after, told(decision.directive));
             assert_eq!(found, (expected, sent), "{event:?} in {place:?}");
-            let stopped = "qachn".contains(place.letter()) && "smf".contains(after);
+            let stopped = "qachnr".contains(place.letter()) && "smf".contains(after);
             if let (true, Some(cause)) = (stopped, cause) {
                 assert_eq!(decision.cause, Some(cause), "{event:?} in {place:?}");
             }

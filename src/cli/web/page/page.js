@@ -278,7 +278,7 @@ function drawHead() {
     alerts.replaceChildren();
     for (const alert of scene.figures.alerts) make("li", alerts, { className: alert.level, textContent: alert.text });
   }
-  const enabled = { arm: ["idle"], go: ["armed", "holding"], hold: ["active"], reset: ["fault"] };
+  const enabled = { arm: ["idle"], go: ["armed", "holding"], hold: ["active"], retreat: ["holding"], reset: ["fault"] };
   for (const [id, states] of Object.entries(enabled)) {
     byId(id).disabled = !(present && mayCommand && states.includes(scene.figures.state));
   }
