@@ -225,17 +225,17 @@ impl Supervisor {
         }
     }
 
-    /// Ends a retreat where the margin is no longer to be warned of, and where there is nothing left to go back along.
+    /// Ends a retreat where the margin is no longer to be warned of, and is the rod's, and where there is nothing left to go back along.
     fn end_retreat(&mut self, seen: &Observation) {
-        let State::Holding { by_operator, sensing_lost: false, near_snap: NearSnap::Retreating } = self.state
-        else {
+        let State::Holding { by_operator, sensing_lost, near_snap: NearSnap::Retreating } = self.state else {
             return;
         };
-        if seen.model_converged && !self.watch.warns_of_stability() {
+        // A model that snapped and left the rod behind has a wide margin too.
+        if seen.model_converged && self.watch.believes_poses() && !self.watch.warns_of_stability() {
             self.set_out(seen);
         } else if seen.trail_ended {
             self.cause = Some(Cause::NearSnapThrough);
-            self.enter_holding(by_operator, false, NearSnap::Kept);
+            self.enter_holding(by_operator, sensing_lost, NearSnap::Kept);
         }
     }
 
@@ -289,7 +289,8 @@ impl Supervisor {
             State::Arming { .. } => Directive::Claim,
             State::Armed => Directive::Rest,
             State::Active | State::Holding { .. } if *before == State::Armed => Directive::Begin,
-            State::Holding { sensing_lost: false, near_snap: NearSnap::Retreating, .. } => Directive::Retreat,
+            // Without sensing too: it asks nothing of it.
+            State::Holding { near_snap: NearSnap::Retreating, .. } => Directive::Retreat,
             state if state.is_engaged() && before.is_engaged() => Directive::Follow,
             // Without sensing, near a snap-through, and in the cycle after, whose request was made without steering.
             State::Active | State::Holding { .. } => Directive::Hold,

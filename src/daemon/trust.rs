@@ -132,6 +132,11 @@ impl Trust {
         self.astray = self.astray.min(self.limits.following_stop + most);
     }
 
+    /// True while the newest poses are believed.
+    pub(super) fn pose_is_believed(&self) -> bool {
+        self.pose_is_believed
+    }
+
     /// Why the newest poses are not believed, if they are not: that the model contradicts them says most.
     pub(super) fn disbelief(&self, now: Stamp) -> Option<Cause> {
         let lasts = |begin: &Stamp| now.since(*begin) <= self.limits.pose_hold / 2;

@@ -176,6 +176,12 @@ impl Watch {
         seen.model_converged && seen.margin < self.margin_allowed
     }
 
+    /// True when the newest poses are those of a rod that is where the model has it.
+    #[must_use]
+    pub fn believes_poses(&self) -> bool {
+        self.trust.pose_is_believed()
+    }
+
     /// True when the margin of stability is to be warned of.
     #[must_use]
     pub fn warns_of_stability(&self) -> bool {

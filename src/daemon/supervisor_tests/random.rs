@@ -144,9 +144,8 @@ fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &
     if let State::Holding { near_snap: NearSnap::Kept, .. } = after {
         assert_eq!(decision.directive, Directive::Hold, "currents are kept: {context}");
     }
-    if let State::Holding { near_snap: NearSnap::Retreating, sensing_lost, .. } = after {
-        let expected = if *sensing_lost { Directive::Hold } else { Directive::Retreat };
-        assert_eq!(decision.directive, expected, "{context}");
+    if let State::Holding { near_snap: NearSnap::Retreating, .. } = after {
+        assert_eq!(decision.directive, Directive::Retreat, "{context}");
     }
     let near_snap = |state: &State| match state {
         State::Holding { near_snap, .. } => *near_snap,
@@ -155,11 +154,11 @@ fn check_rules(before: &State, verb: Option<Verb>, decision: &Decision, bench: &
     if near_snap(before) != NearSnap::No && decision.directive == Directive::Follow {
         panic!("currents moved without another target, or in its very cycle: {context}");
     }
-    if near_snap(before) == NearSnap::Kept && near_snap(after) == NearSnap::Retreating {
+    if near_snap(before) != NearSnap::Retreating && near_snap(after) == NearSnap::Retreating {
         assert_eq!(verb, Some(Verb::Retreat), "{context}");
-    }
-    if near_snap(before) == NearSnap::No {
-        assert_ne!(near_snap(after), NearSnap::Retreating, "{context}");
+        let is_held =
+            near_snap(before) == NearSnap::Kept || decision.given_up == Some(Cause::NearSnapThrough);
+        assert!(is_held, "{context}");
     }
     if let (State::SafeStop { .. }, false) = (before, matches!(after, State::SafeStop { .. })) {
         assert!(matches!(after, State::Idle | State::Fault { .. }), "{context}");
