@@ -59,7 +59,7 @@ fn watching_machine_refuses_every_command_and_says_why() {
     let world = World::new();
     let watch = started(&world, "watch");
     let target = ["target", "set", "m1=60deg", "m2=90deg"];
-    let requests = ["arm", "go", "hold", "stop", "reset", "estop"];
+    let requests = ["arm", "go", "hold", "retreat", "stop", "reset", "estop"];
     for words in requests.iter().map(std::slice::from_ref).chain([target.as_slice()]) {
         let refused = ask(&world, words);
         assert_eq!(refused.status.code(), Some(1), "{words:?}: {}", said(&refused));

@@ -51,7 +51,7 @@ pub enum State {
     /// Steering.
     Active,
     /// Target held: by the operator's wish the loop steers to the reference of that moment; while
-    /// sensing is lost, and close to a snap-through, the currents hold.
+    /// sensing is lost, and close to a snap-through, the currents hold, or go back the way that they came.
     Holding {
         /// True until the operator says go.
         by_operator: bool,

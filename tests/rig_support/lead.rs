@@ -19,8 +19,8 @@ const MAGNETS: usize = 2;
 const PASS: f64 = 0.5;
 /// Time at a target after the reference has arrived, s.
 const STAY: f64 = 2.0;
-/// Time until a request shows, s: the first cycle takes it.
-const BEGUN: f64 = 0.003;
+/// Cycles until a request shows: the first one takes it.
+const BEGUN: f64 = 3.0;
 /// Longest time of a leg, s: frames turn half a turn in four.
 const LEG_MAX: f64 = 15.0;
 /// Time for the currents to go and the rod to rest, s.
@@ -118,8 +118,9 @@ impl<'a> Lead<'a> {
     /// Goes back from a hold as far as the loop does; the margin there.
     fn retreat(&mut self) -> f64 {
         self.bench.request(Verb::Retreat);
+        let begun = BEGUN * self.period();
         self.run(RETREAT_MAX, |record, time, _| {
-            let is_over = time > BEGUN && record.decision.cause != Some(Cause::Retreating);
+            let is_over = time > begun && record.decision.cause != Some(Cause::Retreating);
             if is_over { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         self.run(PASS, |_, _, _| ControlFlow::Continue(()));
@@ -145,11 +146,11 @@ impl<'a> Lead<'a> {
     fn watch(&mut self, leg: &Leg) -> Seen {
         let mut judge = Judge::new(&leg.waypoint.directions[..MAGNETS]);
         let mut seen = Seen { told: Told::Missed, error_deg: Vec::new(), verdict: Verdict::Unchecked };
-        let mut arrived = None;
+        let (mut arrived, begun) = (None, BEGUN * self.period());
         self.run(LEG_MAX, |record, time, tangent| {
             judge.take(&Observation { time, tangent: *tangent, current: 0.0 });
             seen.verdict = record.outcome.verdict;
-            let has_begun = time > BEGUN;
+            let has_begun = time > begun;
             if has_begun && matches!(seen.verdict, Verdict::Refused { .. }) {
                 seen.told = Told::Refused;
                 return ControlFlow::Break(());
@@ -181,7 +182,7 @@ impl<'a> Lead<'a> {
     fn run(&mut self, most: f64, mut each: impl FnMut(&CycleRecord, f64, &Directions) -> ControlFlow<()>) {
         let (mut time, mut speed) = (0.0, 0.0_f64);
         let mut before: Option<Directions> = None;
-        let period = self.setup.config.daemon.as_ref().expect("has a daemon").period().as_secs_f64();
+        let period = self.period();
         let _ = self.bench.lockstep.run(most, |record, rig| {
             let tangent = tangents(&rig.plant().truth());
             for (before, now) in before.iter().flatten().zip(&tangent).take(MAGNETS) {
@@ -193,6 +194,11 @@ impl<'a> Lead<'a> {
             each(record, time, &tangent)
         });
         self.snapped += usize::from(speed > SNAP_SPEED);
+    }
+
+    /// Of the loop, s.
+    fn period(&self) -> f64 {
+        self.setup.config.daemon.as_ref().expect("has a daemon").period().as_secs_f64()
     }
 }
 
