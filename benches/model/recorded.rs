@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::LazyLock;
 use std::time::Instant;
 
-use magsteer::control::{Cycle, CycleInput, Step, Verdict};
+use magsteer::control::{Cycle, CycleInput, FrameUse, ReferenceTarget, Step, Verdict};
 use magsteer::daemon::Verb;
 use magsteer_hal::MAGNETS_MAX;
 
@@ -24,12 +24,16 @@ pub struct Recording {
     pub steering: Vec<CycleInput>,
 }
 
-/// One closed loop with the shipped configuration.
-pub static RECORDING: LazyLock<Recording> = LazyLock::new(Recording::take);
+/// One closed loop in the plane.
+pub static RECORDING: LazyLock<Recording> = LazyLock::new(|| Recording::take("bigmag-planar.toml"));
 
 impl Recording {
-    fn take() -> Self {
-        let setup = Setup::shipped("bigmag-planar.toml");
+    fn take(config: &str) -> Self {
+        let setup = Setup::shipped(config);
+        let control = setup.config.control.as_ref().expect("has a controller");
+        let steered = control.frame_angles == FrameUse::Steer;
+        // A way is looked at ahead where it is told how the frames stand.
+        let frame_angles = steered.then(|| control.resting_frames(&setup.config.description));
         let mut lockstep = Bench::new(&setup).lockstep;
         let mut inputs = Vec::new();
         let mut run = |verb: Option<Verb>, seconds: f64| {
@@ -43,7 +47,8 @@ impl Recording {
         run(Some(Verb::Arm), 0.3);
         run(Some(Verb::Go), 0.1);
         for angles in TARGETS_DEG {
-            run(Some(Verb::SetTarget(directions(angles).into())), TARGET_LASTS);
+            let target = ReferenceTarget { directions: directions(angles), frame_angles };
+            run(Some(Verb::SetTarget(target)), TARGET_LASTS);
         }
         let start = inputs.iter().position(|input| input.engaged).expect("the loop steers");
         let steering = inputs.split_off(start);
@@ -62,38 +67,45 @@ impl Recording {
         }
         cycle
     }
+
+    /// What the slowest steps take, with a scout ahead and without, and how many passes the model spends.
+    fn report(&self) {
+        let mut cycle = self.controller();
+        let (mut times, mut scouting) = (Vec::with_capacity(self.steering.len()), Vec::new());
+        let (mut passes, mut unconverged, mut saturated) = (0, 0, 0);
+        for input in &self.steering {
+            let start = Instant::now();
+            let outcome = cycle.step(input);
+            let time = start.elapsed().as_secs_f64();
+            if outcome.verdict == Verdict::Checking { &mut scouting } else { &mut times }.push(time);
+            passes += outcome.model.passes;
+            unconverged += u32::from(!outcome.model.converged);
+            saturated += u32::from(outcome.saturated > 2);
+        }
+        println!(
+            "{:.2} passes a step and one beside; {unconverged} steps without convergence, {saturated} with a coil at a limit.",
+            f64::from(passes) / self.steering.len() as f64,
+        );
+        for (what, times) in [("steering", &mut times), ("steering with a scout under way", &mut scouting)] {
+            let count = times.len();
+            times.sort_by(f64::total_cmp);
+            let at = |share: f64| times[((count - 1) as f64 * share) as usize] * 1e6;
+            println!(
+                "{count} steps one by one, {what}: median {:.1} us, 99 % {:.1} us, longest {:.1} us.",
+                at(0.5),
+                at(0.99),
+                at(1.0),
+            );
+        }
+    }
 }
 
-/// Every step of the recording by itself: what the slowest take, with a scout ahead and without, and how many passes the model spends.
+/// Every step by itself, in the plane, and in 3-D, where the margin is guarded.
 pub fn report() {
-    let recording = &*RECORDING;
-    let mut cycle = recording.controller();
-    let (mut times, mut scouting) = (Vec::with_capacity(recording.steering.len()), Vec::new());
-    let (mut passes, mut unconverged, mut saturated) = (0, 0, 0);
-    for input in &recording.steering {
-        let start = Instant::now();
-        let outcome = cycle.step(input);
-        let time = start.elapsed().as_secs_f64();
-        if outcome.verdict == Verdict::Checking { &mut scouting } else { &mut times }.push(time);
-        passes += outcome.model.passes;
-        unconverged += u32::from(!outcome.model.converged);
-        saturated += u32::from(outcome.saturated > 2);
-    }
-    println!(
-        "{:.2} passes a step and one beside; {unconverged} steps without convergence, {saturated} with a coil at a limit.",
-        f64::from(passes) / recording.steering.len() as f64,
-    );
-    for (what, times) in [("steering", &mut times), ("steering with a scout under way", &mut scouting)] {
-        let count = times.len();
-        times.sort_by(f64::total_cmp);
-        let at = |share: f64| times[((count - 1) as f64 * share) as usize] * 1e6;
-        println!(
-            "{count} steps one by one, {what}: median {:.1} us, 99 % {:.1} us, longest {:.1} us.",
-            at(0.5),
-            at(0.99),
-            at(1.0),
-        );
-    }
+    println!("In the plane:");
+    RECORDING.report();
+    println!("In 3-D, the margin guarded:");
+    Recording::take("bigmag-3d.toml").report();
 }
 
 fn directions(angles_deg: [f64; 2]) -> [[f64; 3]; MAGNETS_MAX] {

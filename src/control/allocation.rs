@@ -59,6 +59,8 @@ pub struct Wish<'a> {
     pub determinant: f64,
     /// Its change with each parameter, 1/A and 1/rad.
     pub determinant_gradient: &'a [f64],
+    /// Margin of stability and its change with each parameter, 1/A and 1/rad; none where it is not followed.
+    pub margin: Option<(f64, &'a [f64])>,
     /// Expected power (p1), A^2, and the change of its logarithm with each parameter, 1/A and 1/rad; none where it is not followed.
     pub expected_power: Option<(f64, &'a [f64])>,
     /// Where the frames shall be at the end of the cycle, rad: they go there as far as their speed lets them, and the currents undo
@@ -218,7 +220,8 @@ impl Allocation {
 
     /// Condition and parameters at a limit.
     fn bounded(&mut self, wish: &Wish<'_>) -> (f64, u32) {
-        self.secondary.prefer(wish, &self.scaled, &self.limits, &mut self.lower, &mut self.upper);
+        let (lower, upper) = (&mut self.lower, &mut self.upper);
+        self.secondary.prefer(wish, &self.step, &self.scaled, &self.limits, lower, upper);
         let report = self.solver.solve(&BoundedProblem {
             matrix: &self.scaled,
             right: &self.step,

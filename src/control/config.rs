@@ -12,7 +12,7 @@ use super::feedback::FeedbackKind;
 use super::gains::GainsConfig;
 use super::plan::PlanConfig;
 use super::scout::ScoutConfig;
-use super::secondary::SecondaryConfig;
+use super::secondary::{MarginGuardConfig, SecondaryConfig};
 
 /// `[control]`: the law from error to actuation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,6 +67,8 @@ pub struct ControlConfig {
     pub frame_angles: FrameUse,
     /// What moves the frames while the currents hold the targets; needed where frames steer.
     pub secondary: Option<SecondaryConfig>,
+    /// What keeps currents that turn nothing from leading fast towards a snap-through; for `allocation = "bounded"`.
+    pub margin_guard: Option<MarginGuardConfig>,
     /// Most shooting passes in one cycle, 1 to 20.
     pub passes_max: u32,
     /// How frame angles are planned; needed by what plans.
@@ -135,6 +137,9 @@ impl ControlConfig {
         checks.require(told, "control.secondary", "nothing", "given, since `frame_angles` is \"steer\"");
         if let Some(secondary) = &self.secondary {
             secondary.check(&mut checks);
+        }
+        if let Some(guard) = &self.margin_guard {
+            guard.check(&mut checks);
         }
         if let Some(scout) = &self.scout {
             scout.check(&mut checks);

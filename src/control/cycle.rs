@@ -77,6 +77,9 @@ impl Cycle {
         {
             model.follow_expected_power(secondary.disturbance_deg.to_radians());
         }
+        if config.margin_guard.is_some() {
+            model.follow_margin();
+        }
         Self {
             currents: SmoothedCurrents::new(config.measured_current_time_constant()),
             algorithm_1: chosen.map(|chosen| Algorithm1::new(chosen, description, manipulator.clone())),
@@ -201,6 +204,7 @@ impl Cycle {
             period: input.period,
             determinant: self.model.determinant(),
             determinant_gradient: self.model.determinant_gradient(),
+            margin: self.model.margin(),
             expected_power: self.model.expected_power(),
             frame_angles: self.reference.frame_angles().as_ref(),
         });

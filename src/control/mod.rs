@@ -45,5 +45,5 @@ pub use integral::ProportionalIntegral;
 pub use model::Model;
 pub use reference::{Limits, Pacing, Reference, ReferenceTarget};
 pub use scout::{ScoutConfig, Verdict, margin_allowed};
-pub use secondary::SecondaryConfig;
+pub use secondary::{MarginGuardConfig, SecondaryConfig};
 pub use step::{CycleInput, CycleOutcome, Directions, Equilibrium, ModelReport, Step};

@@ -11,8 +11,8 @@
 //! What the allocation raises in the null space of the targets is the determinant of the residual's Jacobian instead, the product of all
 //! eigenvalues: 1 without loads and 0 at a snap-through as well, but it counts the deformations that loads stiffen too, on which
 //! the loop's swing depends. Of 200 random plants all settle with a determinant of 2 wanted, and 86 % with a margin of 0.5, which fail at
-//! (60, 90): there both hold a margin of 0.4, with determinants of 1.9 and 0.8. Its gradient with the actuation, and on request that
-//! of the expected power, come from one extra pass a cycle, for one parameter after another.
+//! (60, 90): there both hold a margin of 0.4, with determinants of 1.9 and 0.8. Its gradient with the actuation, and on request those
+//! of the margin and of the expected power, come from one extra pass a cycle, for one parameter after another.
 
 use magsteer_hal::{Actuation, COILS_MAX, HardwareDescription, MAGNETS_MAX};
 use nalgebra::{Vector3, Vector6};
@@ -133,7 +133,8 @@ impl Model {
         if converged {
             self.keep();
             self.stability = self.manipulator.stability(&mut self.pass);
-            self.probe.look(&self.manipulator, &self.array, actuation, &self.pass);
+            let margin = self.stability.margin;
+            self.probe.look(&self.manipulator, &self.array, actuation, &self.pass, margin);
         } else {
             self.good.age = self.good.age.map(|age| age.saturating_add(1));
         }
@@ -273,6 +274,18 @@ impl Model {
     #[must_use]
     pub fn determinant_gradient(&self) -> &[f64] {
         self.probe.determinant_gradient()
+    }
+
+    /// From now on follows how the margin of stability changes with the actuation too, at the price of a second test of stability a cycle.
+    pub fn follow_margin(&mut self) {
+        self.probe.follow_margin();
+    }
+
+    /// Margin of stability of the last good equilibrium and its change with every actuation parameter, 1/A and 1/rad, as old as those of
+    /// the determinant; none where it is not followed.
+    #[must_use]
+    pub fn margin(&self) -> Option<(f64, &[f64])> {
+        self.probe.margin_gradient().map(|gradient| (self.stability.margin, gradient))
     }
 
     /// From now on follows the expected power (p1) too, with orientation disturbances of this RMS, rad. The extra pass of a cycle

@@ -4,10 +4,11 @@
 //! |---|---|---|
 //! | `D` | determinant of the residual's Jacobian | |
 //! | `V` | expected power (p1) of the present posture | A^2 |
+//! | `m` | margin of stability (z5) | |
 //! | `u_p` | actuation parameter `p`: a current or a frame angle | A or rad |
 //!
 //! An equilibrium beside the present one, `u_p` moved by a small step, lies along the present pass's own tangent, so that one pass
-//! there yields both `dD/du_p` and, when it carries columns of parameters, `d ln V/du_p`. With as many cycles as parameters every entry is
+//! there yields `dD/du_p`, on request `dm/du_p` and, when it carries columns of parameters, `d ln V/du_p`. With as many cycles as parameters every entry is
 //! new; meanwhile the actuation moves by some slew at most, and the entries err by as much of their curvature.
 
 use magsteer_hal::Actuation;
@@ -26,6 +27,8 @@ pub(super) struct Probe {
     determinant: f64,
     /// Of the determinant, 1/A and 1/rad.
     stiffening: Vec<f64>,
+    /// Of the margin, 1/A and 1/rad; empty where it is not followed.
+    steadying: Vec<f64>,
     authority: Option<Authority>,
     /// Parameter probed next.
     cursor: usize,
@@ -66,12 +69,18 @@ impl Probe {
         Self {
             determinant: pass.determinant(),
             stiffening: vec![0.0; ranges.len()],
+            steadying: Vec::new(),
             authority: None,
             cursor: 0,
             steps: ranges.iter().map(|range| range * PROBE_SHARE).collect(),
             posed: posed.clone(),
             pass: pass.clone(),
         }
+    }
+
+    /// From now on follows the margin of stability too.
+    pub(super) fn follow_margin(&mut self) {
+        self.steadying = vec![0.0; self.steps.len()];
     }
 
     /// From now on follows the expected power (p1) too, with orientation disturbances of this RMS, rad.
@@ -84,7 +93,7 @@ impl Probe {
         });
     }
 
-    /// Knows of the determinant what another probe of the same rig knows; of the expected power what it knew. Allocates no memory.
+    /// Knows of the determinant what another probe of the same rig knows; of margin and expected power what it knew. Allocates no memory.
     pub(super) fn take_up(&mut self, other: &Self) {
         (self.determinant, self.cursor) = (other.determinant, other.cursor);
         self.stiffening.copy_from_slice(&other.stiffening);
@@ -110,18 +119,24 @@ impl Probe {
         &self.stiffening
     }
 
+    /// Gradient of the margin of stability, 1/A and 1/rad; none where it is not followed.
+    pub(super) fn margin_gradient(&self) -> Option<&[f64]> {
+        (!self.steadying.is_empty()).then_some(&self.steadying[..])
+    }
+
     /// `V`, A^2, and the gradient of `ln V`, 1/A and 1/rad; none where it is not followed.
     pub(super) fn expected_power(&self) -> Option<(f64, &[f64])> {
         self.authority.as_ref().map(|authority| (authority.power, &authority.gradient[..]))
     }
 
-    /// Renews determinant and expected power at the equilibrium in `pass`, and one entry of each gradient.
+    /// Renews determinant and expected power at the equilibrium in `pass`, whose margin is `margin`, and one entry of each gradient.
     pub(super) fn look(
         &mut self,
         manipulator: &Manipulator,
         array: &CoilArray,
         actuation: &Actuation,
         pass: &Pass,
+        margin: f64,
     ) {
         let (coils, frames) = (array.coil_count(), array.frame_count());
         self.determinant = pass.determinant();
@@ -158,6 +173,12 @@ impl Probe {
         let change = (there.determinant() - self.determinant) / step;
         if change.is_finite() {
             self.stiffening[parameter] = change;
+        }
+        if let Some(steadying) = self.steadying.get_mut(parameter) {
+            let change = (manipulator.stability(there).margin - margin) / step;
+            if change.is_finite() {
+                *steadying = change;
+            }
         }
     }
 }

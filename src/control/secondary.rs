@@ -15,6 +15,7 @@
 //! | `N` | `1 - A^+ A`: currents that turn nothing | |
 //! | `V` | expected power (p1) | A^2 |
 //! | `D` | determinant of the residual's Jacobian, which stiffness raises | |
+//! | `m` | margin of stability, with gradients `m_x`, `m_y` | |
 //!
 //! # Method
 //! Everything that moves nothing is `x = N a + K y` with `a` and `y` free: `A x + B y = 0` (s1). Of a quantity `f` with gradients `f_x`, `f_y`
@@ -24,14 +25,17 @@
 //! - authority: frames turn against the gradient `r` of `ln V` by (s2), at `speed r / sqrt(1 + |r|^2)`: the logarithm and the root keep the law
 //!   tame where authority vanishes and `V` is steep;
 //! - centring: frames return home at their rate, which also leads them out of settings whose symmetry leaves no gradient;
-//! - stiffness: both ascend `D` where it is too small, so that what is lost comes back at its rate.
+//! - stiffness: both ascend `D` where it is too small, so that what is lost comes back at its rate;
+//! - the guard of the margin, over all of these: what they and the primary task, `x = A^+ dPhi`, would do to `m` is known to first order. Where it
+//!   falls faster than `dm/dt = -r (m - m0)` (s3), `a = m_x` makes up for the rest. `D` is a product: it can rise while its lowest
+//!   factor falls, and near a fold the margin falls within a tenth of a second by currents that turn nothing.
 //!
 //! Frames are motors. The speed asked of them is one vector: shortened as a whole where the currents would have to follow it at more than half of
 //! their slew, or a frame to exceed its speed; it changes by one common share of what is wanted, the largest that keeps every acceleration. So (s1)
 //! holds for what is asked, and noise does not reach them.
 //!
 //! Source: null-space projection of secondary tasks as in Liégeois, IEEE Trans. Systems, Man, Cybernetics 7(12), 1977; reduced gradient as in Nocedal, Wright:
-//! Numerical Optimization, 2nd ed., section 15.3.
+//! Numerical Optimization, 2nd ed., section 15.3; (s3) is a control barrier function as in Ames et al., IEEE Trans. Automatic Control 62(8), 2017.
 
 use std::collections::BTreeMap;
 
@@ -48,6 +52,10 @@ const FOLLOWING_SHARE: f64 = 0.5;
 
 /// Share of the acceleration that the tasks, and braking before the end of a range, count on: the rest is the primary task's.
 const ACCELERATION_SHARE: f64 = 0.9;
+
+/// Least square of the margin's slope over the ranges, of currents that turn nothing, by which the guard divides: where they hardly change the
+/// margin they are not thrown about for it.
+const GUARD_SLOPE_MIN: f64 = 0.05;
 
 /// `[control.secondary]`: what moves the frames while the currents hold the targets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -108,6 +116,24 @@ impl SecondaryConfig {
     }
 }
 
+/// `[control.margin_guard]`: how fast the margin of stability may fall, as far as currents that turn nothing can hold it; (s3).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MarginGuardConfig {
+    /// Margin `m0` towards which it may fall, -1 to 1; below that it is raised.
+    pub floor: f64,
+    /// Rate `r` of its fall, 1/s, above 0 to 1e3: the time left before the margin is lost is about its inverse.
+    pub rate_per_s: f64,
+}
+
+impl MarginGuardConfig {
+    /// Adds every value out of its range.
+    pub fn check(&self, checks: &mut Checks) {
+        checks.within("control.margin_guard.floor", self.floor, -1.0, 1.0);
+        checks.within("control.margin_guard.rate_per_s", self.rate_per_s, 1e-3, 1e3);
+    }
+}
+
 /// What the tasks of the frames want.
 #[derive(Debug, Clone)]
 struct FrameTasks {
@@ -132,6 +158,7 @@ pub(super) struct SecondaryTasks {
     ratio_max: f64,
     /// None while the frames are held.
     frames: Option<FrameTasks>,
+    guard: Option<MarginGuardConfig>,
     /// Speed of the frames in the last cycle, rad/s.
     speed: Vec<f64>,
     /// `A` by rows.
@@ -143,6 +170,8 @@ pub(super) struct SecondaryTasks {
     /// `x_pref`, currents then frames, over their ranges.
     preferred: Vec<f64>,
     away: Vec<f64>,
+    /// `A^+ dPhi`.
+    primary: Vec<f64>,
 }
 
 impl SecondaryTasks {
@@ -165,6 +194,7 @@ impl SecondaryTasks {
             determinant_rate: config.determinant_rate_per_s,
             ratio_max: config.singular_ratio_max,
             frames: tasks,
+            guard: config.margin_guard,
             speed: vec![0.0; frames],
             columns: vec![0.0; rows * coils],
             authority: ThinSvd::new(rows, coils),
@@ -172,6 +202,7 @@ impl SecondaryTasks {
             column: vec![0.0; rows],
             preferred: vec![0.0; unknowns],
             away: vec![0.0; unknowns],
+            primary: vec![0.0; coils],
         }
     }
 
@@ -198,11 +229,12 @@ impl SecondaryTasks {
         }
     }
 
-    /// Chooses the preferred increments of one cycle from the scaled Jacobian `[A B]` by rows, and narrows the box of the frames to what
+    /// Chooses the preferred increments of one cycle from the wanted `step` and the scaled Jacobian `[A B]` by rows, and narrows the box of the frames to what
     /// their acceleration allows.
     pub(super) fn prefer(
         &mut self,
         wish: &Wish<'_>,
+        step: &[f64],
         scaled: &[f64],
         limits: &[Limits],
         lower: &mut [f64],
@@ -222,6 +254,30 @@ impl SecondaryTasks {
             for (current, follow) in currents.iter_mut().zip(follow) {
                 *current += follow * turn;
             }
+        }
+        if let (Some(guard), Some((margin, gradient))) = (self.guard, wish.margin) {
+            let fall = guard.rate_per_s * (margin - guard.floor) * wish.period; // (s3)
+            self.hold_margin(fall, gradient, step, limits);
+        }
+    }
+
+    /// Adds the `a` by which the margin of this gradient, 1/A and 1/rad, falls by no more than `fall` in this cycle.
+    fn hold_margin(&mut self, fall: f64, gradient: &[f64], step: &[f64], limits: &[Limits]) {
+        self.authority.pseudo_solve(step, self.ratio_max, &mut self.primary);
+        let primary = self.primary.iter().copied().chain(std::iter::repeat(0.0));
+        let moves = self.preferred.iter().zip(primary).map(|(preferred, primary)| preferred + primary);
+        let slopes = gradient.iter().zip(limits).map(|(gradient, limits)| gradient * limits.range);
+        let change: f64 = slopes.zip(moves).map(|(slope, by)| slope * by).sum();
+        let lacking = -fall - change;
+        if lacking.is_nan() || lacking <= 0.0 {
+            return;
+        }
+        self.ascend(gradient, limits);
+        let currents = &self.away[..self.coils];
+        let slope: f64 = currents.iter().map(|entry| entry * entry).sum();
+        let length = lacking / slope.max(GUARD_SLOPE_MIN);
+        for (preferred, away) in self.preferred.iter_mut().zip(currents) {
+            *preferred += away * length;
         }
     }
 

@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::fixtures::{Rig, any_size, numbers, seeded};
-use crate::control::{Allocation, AllocationKind, FrameUse, Wish};
+use crate::control::{Allocation, AllocationKind, ControlConfig, FrameUse, MarginGuardConfig, Wish};
 
 const ROWS: usize = 4;
 
@@ -63,7 +63,19 @@ impl Bench {
         step: &[f64],
         admitted: &Actuation,
         period: f64,
+        stiffness: (f64, &[f64]),
+    ) -> (DVector<f64>, u32) {
+        self.allocate_near_a_fold(jacobian, step, admitted, period, stiffness, None)
+    }
+
+    fn allocate_near_a_fold(
+        &mut self,
+        jacobian: &DMatrix<f64>,
+        step: &[f64],
+        admitted: &Actuation,
+        period: f64,
         (determinant, gradient): (f64, &[f64]),
+        margin: Option<(f64, &[f64])>,
     ) -> (DVector<f64>, u32) {
         let by_rows: Vec<f64> = jacobian.transpose().as_slice().to_vec();
         let allocated = self.allocation.allocate(&Wish {
@@ -73,6 +85,7 @@ impl Bench {
             period,
             determinant,
             determinant_gradient: gradient,
+            margin,
             expected_power: None,
             frame_angles: None,
         });
@@ -285,5 +298,60 @@ fn a_lost_determinant_is_regained_without_turning_the_magnets() {
         let (increment, _) =
             bench.allocate_at(&jacobian, &[0.0; ROWS], &none, period, (wanted, gradient.as_slice()));
         assert_eq!(increment.amax(), 0.0);
+    }
+}
+
+/// Goal: whatever the tasks and the wish would do to the margin of stability, it falls to first order no faster than its guard lets it, the magnets
+/// turn as without the guard, and where it does not fall that fast nothing changes.
+#[test]
+fn the_margin_falls_no_faster_than_its_guard_lets_it() {
+    // A step of frames that steer is for the solver to choose: with them the tasks alone are looked at.
+    for (frames, size) in [(FrameUse::Steer, 0.0), (FrameUse::Hold, 1e-3)] {
+        let mut random = seeded(7);
+        let [mut plain, mut guarded] = [(); 2].map(|()| Bench::new(AllocationKind::Bounded, frames));
+        let guard = MarginGuardConfig { floor: 0.1, rate_per_s: 10.0 };
+        let control = ControlConfig { margin_guard: Some(guard), ..guarded.rig.control.clone() };
+        guarded.allocation = Allocation::new(&control, &guarded.rig.description, ROWS);
+        let (coils, period, none) = (plain.rig.coils(), 1e-3, Actuation::default());
+        let (mut left_alone, mut held) = (0, 0);
+        for _ in 0..300 {
+            let jacobian = plain.jacobian(&mut random);
+            let stiffening = numbers(8, 1.0, &mut random);
+            let stiffness = (control.determinant_wanted - random.random_range(0.0..0.5), &stiffening[..]);
+            let steadying = numbers(8, 1.0, &mut random);
+            let margin = guard.floor + random.random_range(-0.02..0.1);
+            let step = numbers(ROWS, size, &mut random);
+            let [without, with] = [&mut plain, &mut guarded].map(|bench| {
+                bench.allocation.rest();
+                let near = Some((margin, &steadying[..]));
+                bench.allocate_near_a_fold(&jacobian, &step, &none, period, stiffness, near).0
+            });
+            let slew = &plain.rig.description.coils[0].slew_max;
+            if with.rows(0, coils).amax().max(without.rows(0, coils).amax()) > 0.99 * slew * period {
+                continue;
+            }
+            assert!((&jacobian * (&with - &without)).norm() < 1e-12, "the magnets turn otherwise");
+            let gradient = DVector::from_column_slice(&steadying);
+            // The guard counts on the whole step; the damping holds a part of it back.
+            let scaled = plain.scaled(&jacobian).columns(0, coils).into_owned();
+            let step = DVector::from_column_slice(&step);
+            let square = &scaled * scaled.transpose();
+            let by = |damping: f64| {
+                let damped = &square + DMatrix::identity(ROWS, ROWS) * damping;
+                scaled.transpose() * damped.lu().solve(&step).expect("regular")
+            };
+            let slopes = gradient.component_mul(&plain.range).rows(0, coils).into_owned();
+            let held_back = slopes.dot(&(by(control.damping) - by(0.0)));
+            let least = -guard.rate_per_s * (margin - guard.floor) * period + held_back;
+            let (before, after) = (gradient.dot(&without), gradient.dot(&with));
+            if before >= least {
+                assert_eq!(with, without);
+                left_alone += 1;
+            } else {
+                assert!((after - least).abs() < 1e-9, "{after} in place of {least}, {before} without");
+                held += 1;
+            }
+        }
+        assert!(left_alone > 50 && held > 50, "{left_alone} {held}");
     }
 }

@@ -1,10 +1,11 @@
 //! Frames that move while the currents hold the targets: in the model, quasi-statically, one cycle after another.
 
 use magsteer_hal::Actuation;
+use magsteer_hal::invalid::Checks;
 use nalgebra::DVector;
 
 use super::fixtures::{Rig, numbers, seeded};
-use crate::control::{Allocation, FrameUse, Model, Wish};
+use crate::control::{Allocation, FrameUse, MarginGuardConfig, Model, Wish};
 
 const PERIOD: f64 = 1e-3;
 const ROWS: usize = 4;
@@ -66,6 +67,7 @@ impl Bench {
             determinant: self.model.determinant(),
             determinant_gradient: self.model.determinant_gradient(),
             frame_angles: None,
+            margin: None,
             expected_power: self.model.expected_power(),
         });
         let increment = self.allocation.increment().to_vec();
@@ -151,6 +153,7 @@ fn currents_decay_as_on_planned_ways_where_frames_are_told() {
             determinant: bench.model.determinant(),
             determinant_gradient: bench.model.determinant_gradient(),
             frame_angles: told.then_some(&bench.at.angle_rad),
+            margin: None,
             expected_power,
         });
         allocation.increment().to_vec()
@@ -189,4 +192,21 @@ fn the_primary_task_is_met_alike_with_and_without_the_tasks_of_the_frames() {
     }
     let moved = with.angles_deg();
     assert!((moved[0] - 0.8_f64.to_degrees()).abs() > 1e-3, "the frames must have moved: {moved:?}");
+}
+
+#[test]
+fn each_bad_value_of_the_guard_is_named_by_its_key() {
+    let right = MarginGuardConfig { floor: 0.1, rate_per_s: 10.0 };
+    for (config, key) in [
+        (MarginGuardConfig { floor: -1.5, ..right }, "floor"),
+        (MarginGuardConfig { floor: f64::NAN, ..right }, "floor"),
+        (MarginGuardConfig { rate_per_s: 0.0, ..right }, "rate_per_s"),
+        (MarginGuardConfig { rate_per_s: f64::INFINITY, ..right }, "rate_per_s"),
+    ] {
+        let mut checks = Checks::new();
+        config.check(&mut checks);
+        let found = checks.into_result(()).expect_err("refused");
+        let keys: Vec<&str> = found.iter().map(|invalid| invalid.key.as_str()).collect();
+        assert_eq!(keys, [format!("control.margin_guard.{key}")]);
+    }
 }
