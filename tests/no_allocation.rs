@@ -9,7 +9,9 @@ mod counting_allocator;
 use std::time::Duration;
 
 use counting_allocator::allocations_in;
-use magsteer::control::{CycleInput, CycleOutcome, FrameUse, ReferenceTarget, Step};
+use magsteer::control::{
+    ControlConfig, CycleInput, CycleOutcome, FrameUse, MarginGuardConfig, ReferenceTarget, Step,
+};
 use magsteer::daemon::{
     ControlLoop, CycleRecord, CycleTiming, DaemonConfig, Directive, LoopOptions, MinuteStatistics, Request,
     Statistics, StopWatch, Tick, Verb,
@@ -200,24 +202,26 @@ impl Misreading {
     }
 }
 
-/// Goal: the same with the real controller, its frames held and steered. The rig's magnets do not obey its currents, so that the
+/// Goal: the same with the real controller, its frames held, and steered with the margin guarded. The rig's magnets do not obey its currents, so that the
 /// loop drives them to their limits, and measured currents jump, so that the model does not converge.
 ///
 /// Proves SR-19.
 #[test]
 fn the_real_controller_allocates_nothing() {
-    for (file, seed) in [("bigmag-planar.toml", 12), ("bigmag-3d.toml", 14)] {
-        steer_a_misreading_rig(file, seed);
+    let guard = MarginGuardConfig { floor: 0.1, rate_per_s: 10.0 };
+    for (file, guard, seed) in [("bigmag-planar.toml", None, 12), ("bigmag-3d.toml", Some(guard), 14)] {
+        steer_a_misreading_rig(file, guard, seed);
     }
 }
 
-fn steer_a_misreading_rig(file: &str, seed: u64) {
+fn steer_a_misreading_rig(file: &str, guard: Option<MarginGuardConfig>, seed: u64) {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("config").join(file);
     let (_, config) = magsteer::config::Config::load(&path).expect("shipped");
     let rig = &config.description;
-    let (control, daemon) = (config.control.as_ref(), config.daemon.as_ref().expect("shipped"));
+    let (control, daemon) = (config.control.clone(), config.daemon.as_ref().expect("shipped"));
+    let control = ControlConfig { margin_guard: guard, ..control.expect("shipped") };
     let manipulator = config.manipulator.clone().expect("shipped");
-    let controller = magsteer::control::Cycle::new(control.expect("shipped"), rig, manipulator);
+    let controller = magsteer::control::Cycle::new(&control, rig, manipulator);
     let hardware = Misreading { rig: EchoHardware::new(rig), reported: None };
     let mut control_loop = ControlLoop::new(hardware, controller, rig, daemon, LoopOptions::default());
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);

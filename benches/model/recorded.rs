@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::LazyLock;
 use std::time::Instant;
 
-use magsteer::control::{Cycle, CycleInput, FrameUse, ReferenceTarget, Step, Verdict};
+use magsteer::control::{Cycle, CycleInput, FrameUse, MarginGuardConfig, ReferenceTarget, Step, Verdict};
 use magsteer::daemon::Verb;
 use magsteer_hal::MAGNETS_MAX;
 
@@ -25,11 +25,12 @@ pub struct Recording {
 }
 
 /// One closed loop in the plane.
-pub static RECORDING: LazyLock<Recording> = LazyLock::new(|| Recording::take("bigmag-planar.toml"));
+pub static RECORDING: LazyLock<Recording> = LazyLock::new(|| Recording::take("bigmag-planar.toml", None));
 
 impl Recording {
-    fn take(config: &str) -> Self {
-        let setup = Setup::shipped(config);
+    fn take(config: &str, guard: Option<MarginGuardConfig>) -> Self {
+        let mut setup = Setup::shipped(config);
+        setup.config.control.as_mut().expect("has a controller").margin_guard = guard;
         let control = setup.config.control.as_ref().expect("has a controller");
         let steered = control.frame_angles == FrameUse::Steer;
         // A way is looked at ahead where it is told how the frames stand.
@@ -105,7 +106,8 @@ pub fn report() {
     println!("In the plane:");
     RECORDING.report();
     println!("In 3-D, the margin guarded:");
-    Recording::take("bigmag-3d.toml").report();
+    let guard = MarginGuardConfig { floor: 0.1, rate_per_s: 10.0 };
+    Recording::take("bigmag-3d.toml", Some(guard)).report();
 }
 
 fn directions(angles_deg: [f64; 2]) -> [[f64; 3]; MAGNETS_MAX] {

@@ -122,7 +122,7 @@ impl SecondaryConfig {
 pub struct MarginGuardConfig {
     /// Margin `m0` towards which it may fall, -1 to 1; below that it is raised.
     pub floor: f64,
-    /// Rate `r` of its fall, 1/s, above 0 to 1e3: the time left before the margin is lost is about its inverse.
+    /// Rate `r` of its fall, 1/s, 1e-3 to 1e3.
     pub rate_per_s: f64,
 }
 

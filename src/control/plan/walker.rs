@@ -368,6 +368,7 @@ impl Walker {
             period: 1.0,
             determinant: self.model.determinant(),
             determinant_gradient: self.model.determinant_gradient(),
+            // A walk takes no time in which the margin could fall too fast.
             margin: None,
             expected_power: None,
             frame_angles: None,
