@@ -8,8 +8,8 @@
 //! | `u_p` | actuation parameter `p`: a current or a frame angle | A or rad |
 //!
 //! An equilibrium beside the present one, `u_p` moved by a small step, lies along the present pass's own tangent, so that one pass
-//! there yields `dD/du_p`, on request `dm/du_p` and, when it carries columns of parameters, `d ln V/du_p`. With as many cycles as parameters every entry is
-//! new; meanwhile the actuation moves by some slew at most, and the entries err by as much of their curvature.
+//! there yields `dD/du_p`, on request `dm/du_p` and, when it carries columns of parameters, `d ln V/du_p`. With as many cycles as
+//! parameters every entry is new; meanwhile the actuation moves by some slew at most, and the entries err by as much of their curvature.
 
 use magsteer_hal::Actuation;
 use nalgebra::Vector3;

@@ -27,8 +27,9 @@
 //! - centring: frames return home at their rate, which also leads them out of settings whose symmetry leaves no gradient;
 //! - stiffness: both ascend `D` where it is too small, so that what is lost comes back at its rate;
 //! - the guard of the margin, over all of these: what they and the primary task, `x = A^+ dPhi`, would do to `m` is known to first order. Where it
-//!   falls faster than `dm/dt = -r (m - m0)` (s3), `a = m_x` makes up for the rest. `D` is a product: it can rise while its lowest
-//!   factor falls, and near a fold the margin falls within a tenth of a second by currents that turn nothing.
+//!   falls faster than `dm/dt = -r (m - m0)` (s3), `a = m_x` makes up for the rest; the turn of frames that are told where to go is not
+//!   counted. `D` is a product: it can rise while its lowest factor falls, and near a fold the margin falls within a tenth of a second by
+//!   currents that turn nothing.
 //!
 //! Frames are motors. The speed asked of them is one vector: shortened as a whole where the currents would have to follow it at more than half of
 //! their slew, or a frame to exceed its speed; it changes by one common share of what is wanted, the largest that keeps every acceleration. So (s1)
@@ -229,8 +230,8 @@ impl SecondaryTasks {
         }
     }
 
-    /// Chooses the preferred increments of one cycle from the wanted `step` and the scaled Jacobian `[A B]` by rows, and narrows the box of the frames to what
-    /// their acceleration allows.
+    /// Chooses the preferred increments of one cycle from the wanted `step` and the scaled Jacobian `[A B]` by rows, and narrows the box
+    /// of the frames to what their acceleration allows.
     pub(super) fn prefer(
         &mut self,
         wish: &Wish<'_>,
