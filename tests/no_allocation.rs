@@ -202,8 +202,8 @@ impl Misreading {
     }
 }
 
-/// Goal: the same with the real controller, its frames held, and steered with the margin guarded. The rig's magnets do not obey its currents, so that the
-/// loop drives them to their limits, and measured currents jump, so that the model does not converge.
+/// Goal: the same with the real controller, its frames held, and steered with the margin guarded. The rig's magnets do not obey its
+/// currents, so that the loop drives them to their limits, and measured currents jump, so that the model does not converge.
 ///
 /// Proves SR-19.
 #[test]
